@@ -103,6 +103,17 @@ def load(modules: Iterable[str]) -> bool:
     return True
 
 
+def session(leader: int) -> list[int]:
+    """Return the processes of the session of a process that have not ended."""
+    found = []
+    for entry in Path('/proc').glob('[0-9]*/stat'):
+        with contextlib.suppress(OSError):  # it has just ended
+            fields = entry.read_text(errors='replace').rpartition(')')[2].split()
+            if int(fields[3]) == leader and fields[0] not in 'ZX':
+                found.append(int(entry.parent.name))
+    return found
+
+
 class _Copy(_FORK.Process):
     """A node as a fork of this process, with the interface of ``Popen``."""
 
@@ -174,7 +185,8 @@ class NodeProcess:
     label : str
         Name of the node in messages; default: ``name``.
     command : list[str]
-        Command line to start instead: a node of the user.
+        Command line to start instead: a node of the user. It ends when all processes that it has
+        started have ended, and signals go to all of them.
 
     Raises
     ------
@@ -192,6 +204,7 @@ class NodeProcess:
         self.lines: deque[str] = deque(maxlen=200)
         self._on_line = on_line
         self._asked = False
+        self._several = bool(command)
         self._halted_since: float | None = None
         parent, module = os.getpid(), f'{package}.{name}'
         if module in _LOADED and not command:
@@ -234,7 +247,8 @@ class NodeProcess:
     @property
     def exit_code(self) -> int | None:
         """Return the exit code, None while the process runs."""
-        return self._process.poll()
+        code = self._process.poll()
+        return None if code is not None and self._several and session(self.pid) else code
 
     def raise_priority(self) -> None:
         """Raise the priority of this process, if the user is allowed to."""
@@ -257,15 +271,25 @@ class NodeProcess:
     def send(self, number: int) -> None:
         """Send a signal; resume the process first if it is stopped."""
         if self.exit_code is None:
-            self._process.send_signal(number)
-            self._process.send_signal(signal.SIGCONT)
+            for one in session(self.pid) if self._several else ():
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(one, number)
+                    os.kill(one, signal.SIGCONT)
+            if not self._several:
+                self._process.send_signal(number)
+                self._process.send_signal(signal.SIGCONT)
 
     def wait(self, seconds: float) -> int | None:
         """Wait for the end; return the exit code, None if the process still runs."""
         try:
-            code = self._process.wait(seconds)
+            self._process.wait(seconds)
         except subprocess.TimeoutExpired:
             return None
+        began = time.monotonic()
+        while (code := self.exit_code) is None:
+            if time.monotonic() - began > seconds:
+                return None
+            time.sleep(_LOOK)
         self._reader.join(1.0)
         return code
 

@@ -120,6 +120,25 @@ def test_to_end_what_has_ended_keeps_its_exit_code(start):
     assert process.end(0.0) == 3
 
 
+@pytest.mark.parametrize(('text', 'shell', 'code'), [
+    (COOPERATIVE, '{node}; true', 0),  # the shell waits for it
+    (HANGING, '{node} & wait', -signal.SIGKILL),  # the shell ends when asked, the node does not
+    (HANGING, '{node} & exit 3', 3)])  # the shell does not wait
+def test_all_that_a_command_of_the_user_has_started_is_ended(tmp_path, text, shell, code):
+    node = script(tmp_path / 'node', text)
+    process = NodeProcess('', 'bash', [], command=['bash', '-c', shell.format(node=node)])
+    try:
+        until(lambda: 'up' in process.lines, 'the node')
+        left = processes.session(process.pid)
+        assert process.exit_code is None and process.wait(0.05) is None
+        found = process.end(0.5)
+    finally:
+        for one in processes.session(process.pid):
+            os.kill(one, signal.SIGKILL)
+    assert found in (code, 130, -signal.SIGINT) and 'asked to leave' in process.lines
+    assert left and not any(map(alive, left))
+
+
 def test_waiting_can_be_in_vain(start):
     process = start(COOPERATIVE)
     assert process.wait(0.05) is None

@@ -95,6 +95,16 @@ def test_its_parameters_are_those_of_the_scenario(plain):
     assert not hasattr(back.controller_node, 'plain')
 
 
+@pytest.mark.parametrize('name', ['controller', 'law', 'period', 'failsafe', 'patience'])
+def test_a_file_with_a_name_of_the_node_is_refused(plain, name):
+    mine = plain(name=f'{name}.py')
+    with pytest.raises(schema.ParameterError, match=(
+            f'controller_node.controller: .*{name}.py: {name} is a name of the node itself: ')):
+        flight(mine)
+    again = flight(plain())
+    assert scenarios.override(again, {'sim_node.duration': 5.0}).controller_node.controller
+
+
 def test_a_scenario_file_names_a_file_beside_it(plain, tmp_path):
     mine = plain()
     file = tmp_path / 'mine.yaml'

@@ -221,8 +221,9 @@ class Client:
             self._begin_anew()
         elif sent[0] < self._sent[0] or sent[1] < self._sent[1]:
             self._begin_anew()
-        elif 1 < step < RESTART and self._last >= 0:
-            self.counts['missing frames'] += step - 1
+        elif step > 1 and self._last >= 0:
+            self._known = False  # one that is missing may have said that they have changed
+            self.counts['missing frames'] += step - 1 if step < RESTART else 0
         self._last, self._sent, self._late = number, sent, (_NONE, 0)
         return False
 

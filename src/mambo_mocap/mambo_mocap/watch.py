@@ -12,6 +12,7 @@ from .client import Client
 OK, WARN, ERROR = range(3)
 AFTER = 3_000_000_000  # ns of stamps before the last one, by which a clock was set: the clocks may
 # be matched wrongly for clock_match.PATIENCE frames, which take less from 67 Hz on
+MISSING = 0.2  # [-] share of the frames that are missing, from which it is told
 _MOST = 5  # bodies that are named for each reason
 _LONGEST = 600  # characters of a report
 _WHY = {
@@ -137,6 +138,9 @@ class Watch:
         lines = [f'malformed packets: {client.problem}'] if malformed else []
         if back:
             lines.append(f'stamps went back by {back * 1e-9:.1f} s: a clock was set')
+        sent = frames + counts['missing frames']
+        if counts['missing frames'] > MISSING * sent:
+            lines.append(f'{counts["missing frames"]} of {sent} frames are missing')
         lines += self._missing([name for name in self._wanted if not posed[name]], client, now)
         if lines:
             return WARN, visible('; '.join(lines))[:_LONGEST]

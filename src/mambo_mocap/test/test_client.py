@@ -272,6 +272,20 @@ def test_names_of_another_server_or_of_changed_definitions_are_forgotten():
     assert not client._known and client.defined == ((1, 'a'),)
 
 
+@pytest.mark.parametrize('lost', [1, RESTART + 5])
+def test_definitions_are_asked_for_again_when_the_frame_that_says_so_may_be_missing(lost):
+    request = wire.message(wire.REQUEST_MODEL, b'')
+    client = connected(((1, 'a'), (2, 'b')))
+    client.due(EPOCH)
+    assert shown(client, 0, 0)[0].name == shown(client, 1, 1)[0].name == 'a'
+    assert request not in client.due(EPOCH + 2 * 10**9)
+    assert shown(client, 2 + lost, 202)[0].name == 'a'  # until there is an answer
+    assert request in client.due(EPOCH + 22 * 10**8)
+    client.take(definitions((2, 'a'), (1, 'b')), EPOCH + 22 * 10**8)
+    assert shown(client, 3 + lost, 221)[0].name == 'b'
+    assert request not in client.due(EPOCH + 33 * 10**8)
+
+
 def test_two_bodies_of_one_identifier_in_a_frame_have_no_pose():
     client = connected()
     other = BODY._replace(identifier=2)

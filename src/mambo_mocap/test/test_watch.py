@@ -68,6 +68,16 @@ def test_a_body_without_poses_is_named_with_the_reason_and_the_time():
     assert dict(stream.watch.poses) == {'a': 750, 'b': 300}
 
 
+def test_many_missing_frames_are_told():
+    stream = Stream('a').meet((1, 'a'))
+    for step, said in ((1, (OK, '200 frames a second')),
+                       (2, (WARN, '199 of 399 frames are missing'))):
+        for _ in range(200):
+            stream.play(0.01, body(1))
+            stream.number += step - 1
+        assert stream.report() == said
+
+
 @pytest.mark.parametrize(('wanted', 'bodies', 'found'), [
     ('mambo', ((1, 'mambo'), (2, 'mambo')), r'mambo (1), mambo (2)'),
     ('mambo', ((1, 'mambo'), (1, 'other')), r'mambo (1), other (1)'),

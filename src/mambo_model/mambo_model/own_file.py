@@ -35,6 +35,9 @@ before_loading: Callable[[Path], None] = nothing
 """Called with the file before a user's code is loaded for the first time."""
 
 
+_LOCK = threading.RLock()  # one file at a time has its own modules among those of Python
+
+
 class TooLongError(ParameterError):
     """A user's code takes too long; the text says where and what raises the limit."""
 
@@ -124,7 +127,8 @@ def _named_tuples(holder: Any, module: str, seen: set[type]) -> Iterator[type]:
 def _imports(file: Path) -> Iterator[str]:
     """Yield the first names of the modules that a source imports; nothing if it has an error."""
     try:
-        tree = ast.parse(file.read_bytes())
+        with _LOCK:  # Python 3.11 counts its depth of recursion for all threads together
+            tree = ast.parse(file.read_bytes())
     except (SyntaxError, ValueError):
         return
     for node in ast.walk(tree):
@@ -220,9 +224,6 @@ class _Loaded(importlib.abc.Loader):
     def exec_module(self, module: ModuleType) -> None:
         """Leave the module as it is."""
         module.__spec__ = self.spec
-
-
-_LOCK = threading.RLock()  # one file at a time has its own modules among those of Python
 
 
 class _Beside(importlib.abc.MetaPathFinder):

@@ -214,10 +214,11 @@ def extended(params_type: type[P], given: Mapping[str, Any]) -> type[P]:
     Raises
     ------
     ParameterError
-        If a component is not found or is not valid.
+        If a component is not found or is not valid, or has the name of something else.
 
     """
     groups = {}
+    declared = getattr(params_type, _EXTENDS, params_type)
     for field in _fields(params_type):
         value = given.get(field.name, field.default)
         if 'component' in field.metadata and isinstance(value, str) and (
@@ -226,10 +227,17 @@ def extended(params_type: type[P], given: Mapping[str, Any]) -> type[P]:
                 found = field.metadata['component'].find(value)
             except ParameterError as error:
                 raise ParameterError(f'{field.name}: {error}') from None
+            if hasattr(declared, found.name) or found.name in declared.__dataclass_fields__:
+                raise ParameterError(
+                    f'{field.name}: {found.path}: {found.name} is a name of the node itself: '
+                    'rename the file, or give the component as file.py:Name')
             groups[found.name] = found.params
     known = {field.name for field in _fields(params_type)}
     return _with_groups(params_type, tuple(
         (name, kind) for name, kind in groups.items() if name not in known))
+
+
+_EXTENDS = '_extends'  # attribute of an extended dataclass: the one that it extends
 
 
 @functools.cache
@@ -240,6 +248,7 @@ def _with_groups(params_type: type, groups: tuple[tuple[str, type], ...]) -> typ
         params_type.__name__, [(name, kind, group(kind)) for name, kind in groups],
         bases=(params_type,), frozen=True, namespace={
             '__module__': params_type.__module__, '__doc__': params_type.__doc__,
+            _EXTENDS: params_type,
             '__reduce__': lambda self: (build, (params_type, flatten(self)))})
 
 

@@ -230,6 +230,12 @@ def test_modules_with_compiled_functions_never_share_a_name(write, tmp_path):
     assert len({module.Pair.__name__ for module in found}) == 4
 
 
+def test_objects_of_the_files_own_classes_are_no_reason_to_refuse_it(write):
+    load_file(write('from mambo_model.compiled import jit, objmode\n\n\nclass Net:\n    pass\n\n\n'
+                    'net = Net()\n\n\n@jit\ndef step(x):\n    with objmode():\n'
+                    '        net.x = x\n    return x\n'))
+
+
 def test_a_value_that_differs_each_time_is_no_constant_of_compiled_code(write, tmp_path):
     (tmp_path / 'gain.txt').write_text('1')
     path = write(COMPILED.replace(

@@ -219,6 +219,9 @@ def configure(
         TaskParams, {name: inputs.plain(value) for name, value in params.items()})
     given = inputs.by_name('parameters', "{'node.parameter': value}", parameters)
     drawn = inputs.by_name('randomise', "{'node.parameter': (low, high)}", randomise)
+    for name in given:
+        if name in drawn:
+            raise InputError(f'parameters: {name}: has no effect, as randomise draws it')
     chosen = scenarios.override(
         _flight(scenario, _one_of('task', task, TASKS), trajectory), given)
     if chosen.sim_node.simulator.hand.enabled:

@@ -70,6 +70,7 @@ class DroneBatch:
         self._row: Any = None
         self._threads = min(threads or len(os.sched_getaffinity(0)), count)
         self._pool = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
+        self._process = os.getpid()
 
     def __getstate__(self) -> dict[str, Any]:
         if self._holders or self._pool is not None:
@@ -165,6 +166,8 @@ class DroneBatch:
             for piece in work:
                 fly(piece)
             return
+        if self._process != os.getpid():  # a fork: it has none of the threads
+            self._pool, self._process = ThreadPoolExecutor(self._threads - 1), os.getpid()
         others = [self._pool.submit(fly, piece) for piece in work[1:]]
         fly(work[0])
         for other in others:

@@ -161,13 +161,14 @@ def floats(name: str, values: Any, form: str) -> NDArray[np.float64]:
     Raises
     ------
     InputError
-        For text, dates, complex numbers, lists of unequal length and integers beyond all floats.
+        For text, dates, complex numbers, lists of unequal length, masked numbers and integers
+        beyond all floats.
 
     """
     try:
         given = np.asarray(values)
         kind = given.dtype.kind
-        if kind not in 'biufO' or kind == 'O' and any(
+        if np.ma.is_masked(values) or kind not in 'biufO' or kind == 'O' and any(
                 isinstance(one, _NO_NUMBERS) for one in given.flat):
             raise TypeError
         return given.astype(float, copy=False)

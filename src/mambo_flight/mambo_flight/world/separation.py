@@ -20,6 +20,7 @@ from mambo_model.errors import InputError, JobError
 from mambo_model.frames import flip_vector
 from mambo_model.motion.vector import Vec3
 from mambo_model.whole_file import refuse_existing
+from mambo_sim.parameters import STEP_NS
 from mambo_sim.world import MOST
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,7 @@ Array = NDArray[np.float64]
 TRUTH = 'ground_truth/odom'
 PICTURES = ('.png', '.svg', '.pdf')
 _ROWS = 30  # of the table: the nearest pairs
+LEAST_LACK = 0.1  # s of flight without a distance, from which it is told
 
 
 class Track(NamedTuple):
@@ -46,6 +48,7 @@ class Pair(NamedTuple):
     names: tuple[str, str]
     t: NDArray[np.int64]  # (n,) ns, stamps that both have
     distance: Array  # (n,) m, between their centres
+    lacking: float = 0.0  # s of flight that only one of the bags holds
 
     @property
     def least(self) -> tuple[float, float]:
@@ -75,8 +78,9 @@ def pairs(tracks: Mapping[str, Track]) -> list[Pair]:
         if not len(t):
             raise InputError(f'{name} and {other_name} have no stamp in common: they did not fly '
                              'on one clock')
+        lacking = (len(np.union1d(one.t, other.t)) - len(t)) * STEP_NS * 1e-9
         gap = one.position[mine] - other.position[theirs]
-        out.append(Pair((name, other_name), t, np.sqrt((gap * gap).sum(axis=1))))
+        out.append(Pair((name, other_name), t, np.sqrt((gap * gap).sum(axis=1)), lacking))
     return sorted(out, key=lambda pair: pair.least)
 
 
@@ -88,8 +92,23 @@ def smallest(found: Sequence[Pair]) -> tuple[NDArray[np.int64], Array]:
     return t, distance
 
 
+def incomplete(found: Sequence[Pair]) -> str:
+    """Return which pairs lack a distance for a while, as one line; '': none."""
+    lacking = [pair for pair in found if pair.lacking > LEAST_LACK]
+    if not lacking:
+        return ''
+    pair = max(lacking, key=lambda pair: pair.lacking)
+    return (f'{len(lacking)} of {len(found)} pairs have no distance for a part of the flight, '
+            f'{" and ".join(pair.names)} for {pair.lacking:.2f} s: one of their bags is shorter, '
+            'or has gaps')
+
+
 def table(found: Sequence[Pair], limit: float) -> str:
-    """Return the least distance of each pair as text, the nearest pairs; marks those below m."""
+    """
+    Return the least distance of each pair as text, the nearest pairs; marks those below m.
+
+    Its last line is a warning where distances are incomplete.
+    """
     width = max(len(' - '.join(pair.names)) for pair in found) + 2
     lines = [f'{"drones":<{width}}{"least [m]":>10}{"at [s]":>10}{"mean [m]":>10}']
     for pair in found[:_ROWS]:
@@ -98,6 +117,8 @@ def table(found: Sequence[Pair], limit: float) -> str:
                      f'{pair.distance.mean():10.3f}{"  collision" if distance < limit else ""}')
     if len(found) > _ROWS:
         lines.append(f'and {len(found) - _ROWS} pairs that stay farther apart')
+    if lack := incomplete(found):
+        lines.append(f'warning: {lack}')
     return '\n'.join(lines)
 
 
@@ -239,7 +260,17 @@ def report(found: Sequence[Pair], limit: float) -> dict[str, object]:
     """Return the result for JSON."""
     return {'collision_distance': limit, 'pairs': [
         {'drones': list(pair.names), 'least': pair.least[0], 'at': pair.least[1],
-         'mean': float(pair.distance.mean())} for pair in found]}
+         'mean': float(pair.distance.mean()), 'from': float(pair.t[0]) * 1e-9,
+         'to': float(pair.t[-1]) * 1e-9, 'lacking': pair.lacking} for pair in found]}
+
+
+def _shorter(drones: Mapping[str, Seen], hall: Hall, found: Sequence[Pair]) -> str:
+    """Return that distances end before the flight, as one line; '' if they do not."""
+    planned = _flight(next(iter(drones.values())).bag, hall).duration
+    end = max(float(pair.t[-1]) * 1e-9 for pair in found)
+    if not planned or end > planned - LEAST_LACK:
+        return ''
+    return f'distances end at t = {end:.2f} s of {planned:g} s of flight'
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -249,7 +280,7 @@ def _run(options: argparse.Namespace) -> None:
             f'{options.output}: the name of a picture must end in {", ".join(PICTURES)}')
     drones, hall = read_drones(options.bags)
     found, limit = pairs(tracks_of(drones)), hall.params.collision_distance
-    lost = missing(drones, hall)
+    lost, shorter = missing(drones, hall), _shorter(drones, hall, found)
     if options.json:
         write_json(options.json, json.dumps({
             **report(found, limit),
@@ -258,6 +289,8 @@ def _run(options: argparse.Namespace) -> None:
         print(table(found, limit))
         if lost:
             print(f'warning: {lost}: their distances are not in the table')
+        if shorter:
+            print(f'warning: {shorter}')
     if options.output:
         from .plot_separation import draw
         draw(options.output, found, limit)
@@ -265,6 +298,8 @@ def _run(options: argparse.Namespace) -> None:
             print(f'picture: {options.output}')
     if found[0].least[0] < limit:
         raise JobError(found[0].collided())
+    if lack := incomplete(found) or shorter:
+        raise JobError(f'collisions cannot be excluded: {lack}')
 
 
 def parser() -> Parser:

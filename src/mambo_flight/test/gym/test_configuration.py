@@ -61,6 +61,8 @@ def test_what_cannot_be_flown_is_refused_in_one_line(arguments, said):
      f"^parameters: {SCALE}: has no effect, as the observation is 'truth': choose obs"),
     ({'randomise': {SCALE: (1.0, 1.1)}}, f'^randomise: {SCALE}: has no effect'),
     ({'parameters': {'estimator_node.estimator': 'kalman'}}, 'estimator: has no effect'),
+    ({'parameters': {GAIN: 3.0}, 'randomise': {GAIN: (2.0, 4.0)}},
+     f'^parameters: {GAIN}: has no effect, as randomise draws it$'),
     ({'parameters': {SCALE: 1.1, 'estimator_node.estimator': 'kalman'},
       'observation': 'estimate'},
      f'^parameters: {SCALE}: has no effect, as the estimator is kalman: choose estimator: joint'),

@@ -69,7 +69,8 @@ def test_numbers_become_floats_and_floats_are_not_copied():
 @pytest.mark.parametrize('values', [
     'up', ['1', '2'], [1.0, 1j], np.array([1j]), np.array([1j], dtype=object),
     np.array(['2020'], dtype='M8[Y]'), np.array([3], dtype='m8[s]'), [[1.0], [1.0, 2.0]],
-    np.array([np.datetime64('2020'), 1.0], dtype=object), {'x': 1}])
+    np.array([np.datetime64('2020'), 1.0], dtype=object), {'x': 1},
+    np.ma.array([1.0, 2.0], mask=[False, True])])
 def test_what_are_no_numbers_is_refused(values):
     with pytest.raises(InputError, match=r'^action must be numbers: x \[m\]$'):
         inputs.floats('action', values, 'x [m]')

@@ -1,7 +1,9 @@
 """Many drones are so many single ones, to the bit, whatever the threads and the autoreset."""
 
 import copy
+import os
 import pickle
+import signal
 
 import gymnasium
 from gymnasium.utils.env_checker import data_equivalence
@@ -119,6 +121,22 @@ def test_threads_are_not_copied(copied):
     envs = vector(threads=2)
     with pytest.raises(TypeError, match='^an environment .* same arguments and seed$'):
         copied(envs)
+    envs.close()
+
+
+def test_a_fork_flies_on_with_threads_of_its_own():
+    envs = vector(threads=2)
+    envs.reset(seed=1)
+    actions = np.zeros((DRONES, 4))
+    read, write = os.pipe()
+    if not (child := os.fork()):
+        signal.alarm(60)  # s; without its own threads it would wait for ever
+        os.write(write, envs.step(actions)[0].tobytes())
+        os._exit(0)
+    os.close(write)
+    assert os.waitpid(child, 0)[1] == 0
+    with open(read, 'rb') as found:
+        assert found.read() == envs.step(actions)[0].tobytes()
     envs.close()
 
 

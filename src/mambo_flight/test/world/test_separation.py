@@ -50,6 +50,29 @@ def test_bags_give_the_separation_of_the_flight(flown, tmp_path, capsys):
     assert found['missing'] == []
 
 
+@pytest.mark.parametrize(('shorten', 'said'), [
+    (('/mambo2',), '2 of 3 pairs have no distance for a part of the flight, /mambo1 and /mambo2 '
+     'for 3.00 s: one of their bags is shorter, or has gaps'),
+    (('/mambo1', '/mambo2', '/mambo3'), 'distances end at t = 1.00 s of 4 s of flight')])
+def test_bags_that_end_before_the_flight_exclude_no_collision(
+        flown, tmp_path, capsys, monkeypatch, shorten, said):
+    whole = separation.tracks_of
+
+    def tracks(drones):
+        return {name: Track(*(x[:201] if name in shorten else x for x in one))
+                for name, one in whole(drones).items()}
+    monkeypatch.setattr(separation, 'tracks_of', tracks)
+    numbers = tmp_path / 'separation.json'
+    assert separation.main([str(flown), '--json', str(numbers)]) == 1
+    output = capsys.readouterr()
+    assert output.out.splitlines()[-1] == f'warning: {said}'
+    assert output.err == f'separation: collisions cannot be excluded: {said}\n'
+    found = json.loads(numbers.read_text())['pairs']
+    assert sorted(round(pair['lacking'], 3) for pair in found) == (
+        [0.0, 3.0, 3.0] if len(shorten) == 1 else [0.0] * 3)
+    assert {pair['to'] for pair in found} == {1.0, 4.0} if len(shorten) == 1 else {1.0}
+
+
 def test_drones_that_are_missing_are_told(flown, tmp_path, capsys):
     single, numbers = [str(flown / name) for name in ('mambo1', 'mambo3')], tmp_path / 'x.json'
     assert separation.main([*single, '--json', str(numbers)]) == 0  # bags one by one

@@ -1,29 +1,34 @@
-"""Values that compiled code of a user's file keeps: they may come from outside of its source."""
+"""What compiled code of a user's file keeps: its functions and values may come from outside."""
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
+import dataclasses
 import enum
 import hashlib
 from pathlib import Path
-from types import CodeType, ModuleType, SimpleNamespace
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
+from numba.core.types import Type
 import numpy as np
 
 from ..compiled import CPUDispatcher
 
-_PLAIN = (bool, int, float, complex, str, bytes, type(None), np.generic, enum.Enum)
-_UNKNOWN = b'\0unknown\0'  # a part of a value that compiled code does not keep
+_PLAIN = (bool, int, float, complex, str, bytes, type(None))
+_OPTIONS = (bool, int, str, type(None))  # of a compiled function
+_DEEPEST = 20  # names of modules in modules, and lists in lists
 
 
 def kept(module: ModuleType, within: str) -> dict[str, str]:
     """
-    Return a digest of each value that the compiled functions of a module read from outside.
+    Return a digest of all that the compiled functions of a module take from outside of their code.
 
     numba takes a global, a variable of an enclosing function or a default as a constant. What is
     compiled and cached on disk belongs to these values, too, not to the source alone: a file of
-    weights may have changed, or a compiled function of a package.
+    weights may have changed, a compiled function of a package, or which of several functions a
+    name stands for.
 
     Parameters
     ----------
@@ -38,11 +43,11 @@ def kept(module: ModuleType, within: str) -> dict[str, str]:
         {file and name: digest}; empty without compiled functions.
 
     """
-    found: dict[str, str] = {}
-    seen: set[int] = set()
-    for function in compiled_functions(module, module.__name__):
-        _follow(function, within, seen, found)
-    return found
+    if next(compiled_functions(module, module.__name__), None) is None:
+        return {}
+    reader = _Reader(module, within)
+    reader.read_names(module, '')
+    return {place: _sha256('\n'.join(notes)) for place, notes in reader.found.items()}
 
 
 def compiled_functions(
@@ -54,26 +59,51 @@ def compiled_functions(
     Parameters
     ----------
     holder
-        The module, or a class in it.
+        The module, or a class or an object in it.
     module
         Name of the module; those of modules beside it begin with it.
     seen
-        Classes by their ids that are not looked at again.
+        What is not looked at again, by its id.
 
     """
     seen = set() if seen is None else seen
-    for value in list(vars(holder).values()):
+    for value in list(getattr(holder, '__dict__', {}).values()):
         if isinstance(value, staticmethod):
             value = value.__func__
-        if isinstance(value, CPUDispatcher):
+        if _python_function(value) is not value:
             yield value
-        elif isinstance(value, type):
-            if value.__module__.startswith(module) and id(value) not in seen:
-                seen.add(id(value))
-                yield from compiled_functions(value, module, seen)
-        elif isinstance(value, SimpleNamespace) or type(value).__module__.startswith(module):
-            yield from (part for part in getattr(value, '__dict__', {}).values()
-                        if isinstance(part, CPUDispatcher))
+        elif _may_hold_functions(value, module) and id(value) not in seen:
+            seen.add(id(value))
+            yield from compiled_functions(value, module, seen)
+
+
+def _may_hold_functions(value: Any, module: str) -> bool:
+    """Return whether a class or an object is of a user's file, or may stand for a module of it."""
+    kind = value if isinstance(value, type) else type(value)
+    return kind.__module__.startswith(module) or kind.__qualname__ == 'SimpleNamespace'
+
+
+def _python_function(value: Any) -> Any:
+    """Return the Python function of a compiled one; any other value as it is."""
+    if isinstance(value, CPUDispatcher):
+        return value.py_func
+    for holder in ('_dispatcher', 'gufunc_builder'):  # of numba.vectorize and guvectorize
+        if isinstance(found := getattr(getattr(value, holder, None), 'py_func', None),
+                      FunctionType):
+            return found
+    return value
+
+
+def _sha256(text: str | bytes) -> str:
+    return hashlib.sha256(text.encode() if isinstance(text, str) else text).hexdigest()
+
+
+def _code(code: CodeType) -> str:
+    """Return a digest of code without the place where it stands."""
+    constants = [_code(part) if isinstance(part, CodeType) else
+                 repr(sorted(map(repr, part)) if isinstance(part, frozenset) else part)
+                 for part in code.co_consts]
+    return _sha256(repr((code.co_code, code.co_names, code.co_varnames, constants)))
 
 
 def _names(code: CodeType) -> set[str]:
@@ -85,58 +115,135 @@ def _names(code: CodeType) -> set[str]:
     return names
 
 
-def _follow(function: Any, within: str, seen: set[int], found: dict[str, str]) -> None:
-    """Add the values that a function, and what it calls, reads; a package's with its source."""
-    compiled, function = hasattr(function, 'py_func'), getattr(function, 'py_func', function)
-    module, code = function.__module__ or '', function.__code__
-    own = module.startswith(within)
-    if id(function) in seen or not own and (not compiled or module.startswith('mambo_')):
-        return  # the workspace's own source names the folder of what is compiled
-    seen.add(id(function))
-    if not own and (source := Path(code.co_filename)).is_file():
-        found[str(source)] = hashlib.sha256(source.read_bytes()).hexdigest()
-    file = code.co_filename.rpartition('/')[2]
-    names = _names(code)
-    values = {name: function.__globals__[name] for name in names & function.__globals__.keys()}
-    for name, cell in zip(code.co_freevars, function.__closure__ or ()):
-        try:
-            values[f'{function.__qualname__}.{name}'] = cell.cell_contents
-        except ValueError:  # has none yet
-            continue
-    for i, value in enumerate(function.__defaults__ or ()):
-        values[f'{function.__qualname__}, default {i}'] = value
-    for name, value in sorted(values.items()):
-        _add(f'{file}: {name}', value, names, within, seen, found)
-
-
-def _add(
-    place: str, value: Any, names: set[str], within: str, seen: set[int], found: dict[str, str],
-) -> None:
-    """Add a value under its place, or follow it if it is a function or holds some."""
-    if isinstance(value, ModuleType):  # numba reads its attributes as globals
-        for inner in sorted(names & vars(value).keys()):
-            if vars(value)[inner] is not value and place.count('.') < 9:
-                _add(f'{place}.{inner}', vars(value)[inner], names, within, seen, found)
-    elif isinstance(value, type) and issubclass(value, enum.Enum):
-        found[place] = hashlib.sha256(repr(list(value)).encode()).hexdigest()
-    elif isinstance(value, tuple) and any(isinstance(part, CPUDispatcher) for part in value):
-        for i, part in enumerate(value):
-            _add(f'{place}[{i}]', part, names, within, seen, found)
-    elif hasattr(value, 'py_func') or hasattr(value, '__code__'):
-        _follow(value, within, seen, found)
-    elif (text := _content(value)) is not None:
-        found[place] = hashlib.sha256(text).hexdigest()
-
-
 def _content(value: Any, depth: int = 0) -> bytes | None:
-    """Return a value as bytes; None for what compiled code does not keep."""
-    if isinstance(value, _PLAIN):
+    """Return numbers, texts, arrays, and tuples, lists and dicts of them as bytes; else None."""
+    if type(value) in _PLAIN:
         return f'{type(value).__name__} {value!r}'.encode()
-    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
-        return f'{value.dtype.str} {value.shape} '.encode() + value.tobytes()
-    if isinstance(value, dict):
+    if isinstance(value, np.ndarray | np.generic) and not value.dtype.hasobject:
+        return f'{value.dtype!r} {value.shape} '.encode() + value.tobytes()
+    if type(value) is dict:
         value = tuple(value.items())
-    if isinstance(value, tuple | list) and depth < 20:
-        parts = [_content(part, depth + 1) for part in value]
-        return b'(' + b', '.join(_UNKNOWN if part is None else part for part in parts) + b')'
+    if type(value) in (tuple, list) and depth < _DEEPEST:
+        parts = []
+        for part in value:
+            if (content := _content(part, depth + 1)) is None:
+                return None
+            parts.append(content)
+        return f'{type(value).__name__} {len(parts)}('.encode() + b', '.join(parts) + b')'
     return None
+
+
+class _Reader:
+    """
+    Notes what compiled functions keep, by file and name.
+
+    Several functions may be of one name, such as those that a function returns: their notes
+    follow one another, in the order in which they are found.
+    """
+
+    def __init__(self, module: ModuleType, within: str) -> None:
+        self.within = within
+        self.folder = str(Path(getattr(module, '__file__', None) or '').parent)
+        self.file = Path(getattr(module, '__file__', None) or module.__name__).name
+        self.found: dict[str, list[str]] = defaultdict(list)
+        self.seen: dict[int, tuple[int, Any]] = {}  # number in order, and what it is, kept alive
+
+    def read_names(self, holder: Any, before: str) -> None:
+        """Note what functions and classes the names of a module, class or object stand for."""
+        for name, value in sorted(getattr(holder, '__dict__', {}).items()):
+            if name.startswith('__'):
+                continue
+            value = value.__func__ if isinstance(value, staticmethod) else value
+            place = f'{self.file}: {before}{name}'
+            if isinstance(value, type) or _is_function(value):
+                self.read(place, value, set())
+            if _may_hold_functions(value, self.within) and self._is_new(value):
+                self.read_names(value, f'{before}{name}.')
+
+    def _is_new(self, value: Any) -> bool:
+        """Return whether a value is met for the first time; it is not any more."""
+        new = id(value) not in self.seen
+        if new:
+            self.seen[id(value)] = len(self.seen), value
+        return new
+
+    def read(self, place: str, value: Any, names: set[str], depth: int = 0) -> None:
+        """Note the value at a place; names: all that the code that reads it uses."""
+        note = self.found[place].append
+        if (content := _content(value)) is not None:
+            note(_sha256(content))
+        elif isinstance(value, ModuleType):  # numba reads its attributes as globals
+            note(self._own(value.__name__))
+            for inner in sorted(names & vars(value).keys()) if depth < _DEEPEST else ():
+                if vars(value)[inner] is not value:
+                    self.read(f'{place}.{inner}', vars(value)[inner], names, depth + 1)
+        elif isinstance(value, type):
+            self._read_type(place, value)
+        elif isinstance(_python_function(value), FunctionType):
+            self._read_function(place, value)
+        elif isinstance(value, tuple | list | dict) and depth < _DEEPEST:
+            note(f'{self._kind(value)} {len(value)}')
+            for part in value.items() if isinstance(value, dict) else value:
+                self.read(place, part, names, depth + 1)
+        elif isinstance(value, enum.Enum | np.dtype | Type):
+            note(f'{self._kind(value)} {value!r}')
+        else:  # a function of Python or a library by its name; of other objects code keeps nothing
+            note(f'{self._kind(value)} {self._own(str(getattr(value, "__module__", "")))} '
+                 f'{getattr(value, "__qualname__", getattr(value, "__name__", ""))}')
+
+    def _own(self, name: str) -> str:
+        """Return the name of a module; one of the user's without what differs by version."""
+        return f'./{name.removeprefix(self.within)}' if name.startswith(self.within) else name
+
+    def _kind(self, value: Any) -> str:
+        return f'{self._own(type(value).__module__)}.{type(value).__qualname__}'
+
+    def _read_type(self, place: str, kind: type) -> None:
+        """Note a class, and the fields that compiled code knows by their order."""
+        fields = getattr(kind, '_fields', None) or [
+            field.name for field in dataclasses.fields(kind)] if (
+                hasattr(kind, '_fields') or dataclasses.is_dataclass(kind)) else ()
+        members = list(kind) if issubclass(kind, enum.Enum) else ()
+        self.found[place].append(
+            f'{self._own(kind.__module__)}.{kind.__qualname__} {fields} {members}')
+        if defaults := getattr(kind, '_field_defaults', None):
+            self.read(place, defaults, set())
+
+    def _read_function(self, place: str, value: Any) -> None:
+        """Note a function, and the values that it reads; a package's with its source."""
+        function = _python_function(value)
+        module, code = function.__module__ or '', function.__code__
+        own, compiled = module.startswith(self.within), function is not value
+        new = self._is_new(function)
+        options = sorted((name, option) for name, option in getattr(
+            value, 'targetoptions', {}).items() if isinstance(option, _OPTIONS))
+        self.found[place].append(
+            f'{self._own(module)}.{function.__qualname__} {code.co_firstlineno} '
+            f'{self.seen[id(function)][0]} {options} {_code(code) if own else ""}')
+        if not new or not own and (not compiled or module.startswith('mambo_')):
+            return  # the workspace's own source names the folder of what is compiled
+        if not own and (source := Path(code.co_filename)).is_file():
+            self.found[str(source)] = [_sha256(source.read_bytes())]
+        for name, part in self._outside(function):
+            file = code.co_filename.removeprefix(f'{self.folder}/').removeprefix('/')
+            file = file if code.co_filename.startswith(f'{self.folder}/') else Path(file).name
+            self.read(f'{file}: {name}', part, _names(code))
+
+    @staticmethod
+    def _outside(function: Any) -> Iterator[tuple[str, Any]]:
+        """Yield globals, variables of enclosing functions and defaults by their names."""
+        code = function.__code__
+        for name in sorted(_names(code) & function.__globals__.keys()):
+            yield name, function.__globals__[name]
+        for name, cell in zip(code.co_freevars, function.__closure__ or ()):
+            try:
+                yield f'{function.__qualname__}.{name}', cell.cell_contents
+            except ValueError:  # has none yet
+                continue
+        for i, value in enumerate(function.__defaults__ or ()):
+            yield f'{function.__qualname__}, default {i}', value
+
+
+def _is_function(value: Any) -> bool:
+    """Return whether a value is a function of Python code, compiled or not."""
+    return isinstance(_python_function(value), FunctionType)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import enum
 import functools
 from types import CellType, CodeType, FunctionType, MappingProxyType, ModuleType
 from typing import Any
 
 import numpy as np
 
-_PLAIN = (bool, int, float, complex, bytes, type(None), np.generic, enum.Enum)
-_COMPARED = ('__version__', '__dataclass_fields__')  # the other special names are Python's
-_LEFT_OUT = '_abc_impl'  # of abstract classes: cannot be compared
+_PLAIN = (bool, int, float, complex, bytes, type(None))
+_OF_MODULES = {
+    '__name__', '__doc__', '__package__', '__loader__', '__spec__', '__file__', '__cached__',
+    '__builtins__', '__path__'}
+_OF_CLASSES = {'__module__', '__doc__', '__dict__', '__weakref__', '_abc_impl'}
 
 
 class _UnknownError(Exception):
@@ -21,51 +22,66 @@ class _UnknownError(Exception):
 class _Comparison:
     """Compares what stands at the same place in two modules; each pair once, as loops may be."""
 
-    def __init__(self, one: str, two: str) -> None:
-        self.names = one, two
+    def __init__(self, one: ModuleType, two: ModuleType) -> None:
+        self.names = one.__name__, two.__name__
         self.seen: dict[tuple[int, int], Any] = {}
+        self.spaces: dict[int, Any] = {id(vars(one)): None, id(vars(two)): None}
 
     def alike(self, a: Any, b: Any) -> bool:
         """Return whether two values are the same; raise an Exception if that cannot be told."""
         if a is b or (id(a), id(b)) in self.seen:
             return True
         self.seen[id(a), id(b)] = a, b  # kept, so that no other object gets these numbers
-        if isinstance(a, str) and isinstance(b, str):
+        if type(a) is str and type(b) is str:
             return a.replace(self.names[0], '') == b.replace(self.names[1], '')
         if isinstance(a, type) and isinstance(b, type):
             return self._types(a, b)
         if type(a) is not type(b) and not self._types(type(a), type(b)):
             return False
-        if isinstance(a, _PLAIN):
+        if type(a) in _PLAIN:
             return repr(a) == repr(b)
         if isinstance(a, CodeType):
             return a == b
-        if isinstance(a, dict | MappingProxyType):
+        if isinstance(a, np.generic) and not a.dtype.hasobject:
+            return a.dtype == b.dtype and a.tobytes() == b.tobytes()
+        if type(a) in (dict, MappingProxyType):
             return self._all(list(a.items()), list(b.items()))
         if type(a) in (tuple, list):
             return self._all(a, b)
+        if isinstance(a, ModuleType):
+            return self._modules(a, b)
+        if isinstance(a, FunctionType) and not self.alike(self._space(a), self._space(b)):
+            return False
         return self.alike(_parts(a), _parts(b))
 
     def _all(self, a: Any, b: Any) -> bool:
         return len(a) == len(b) and all(map(self.alike, a, b))
 
+    def _modules(self, a: ModuleType, b: ModuleType) -> bool:
+        return self.alike(_without(vars(a), _OF_MODULES), _without(vars(b), _OF_MODULES))
+
+    def _space(self, function: FunctionType) -> dict[str, Any] | None:
+        """Return the globals of a function, or None if they are those of the two modules."""
+        space = function.__globals__
+        if id(space) not in self.spaces:
+            self.spaces[id(space)] = _without(space, _OF_MODULES)
+        return self.spaces[id(space)]
+
     def _types(self, a: type, b: type) -> bool:
         """Return whether two classes are the same, or those of one place in the source."""
         own = (a.__module__.startswith(self.names[0]), b.__module__.startswith(self.names[1]))
         return a is b or own == (True, True) and a.__qualname__ == b.__qualname__ and (
-            self.alike(_members(a), _members(b)))
+            self.alike(a.__bases__, b.__bases__)
+            and self.alike(_without(vars(a), _OF_CLASSES), _without(vars(b), _OF_CLASSES)))
 
 
-def _members(holder: Any) -> dict[str, Any]:
-    """Return what a module or a class holds by name, without what Python adds."""
-    return {name: value for name, value in vars(holder).items()
-            if name in _COMPARED or not name.startswith('__') and name != _LEFT_OUT}
+def _without(members: Any, names: set[str]) -> dict[str, Any]:
+    """Return the members of a module or a class without those that Python adds."""
+    return {name: value for name, value in members.items() if name not in names}
 
 
 def _parts(value: Any) -> Any:
     """Return what a value consists of; raise an Exception if that cannot be told."""
-    if isinstance(value, ModuleType):
-        return value.__name__  # those beside the file are compared on their own
     if hasattr(value, 'py_func'):
         return value.py_func
     if isinstance(value, FunctionType):
@@ -97,6 +113,6 @@ def twins(one: ModuleType, two: ModuleType) -> bool:
     Values are compared by what pickle would write of them.
     """
     try:
-        return _Comparison(one.__name__, two.__name__).alike(_members(one), _members(two))
+        return _Comparison(one, two).alike(one, two)
     except Exception:  # objects are a user's, and taking them apart may do anything
         return False

@@ -83,9 +83,80 @@ def test_a_value_that_is_read_is_kept_and_another_one_shows(body, name):
     assert not any('UNREAD' in key or 'OTHER' in key for key in one)
 
 
+CHOICES = {
+    'two functions of one factory': 'low, high = factory({n}.0), factory(2.0)\n{jit}'
+                                    'def step(x):\n    return low(x) + high(x)',
+    'functions with defaults': 'laws = []\nfor k in ({n}.0, 2.0):\n    {jit2}    '
+                               'def law(x, k=k):\n        return k * x\n    laws.append(law)\n'
+                               'first, second = laws\n{jit}'
+                               'def step(x):\n    return first(x) + second(x)',
+    'one of two own functions': '{jit}def a(x):\n    return x\n{jit}def b(x):\n    return -x\n'
+                                'law = (a, b)[{n} - 1]\n{jit}def step(x):\n    return law(x)',
+    'the step itself': '{jit}def a(x):\n    return x\n{jit}def b(x):\n    return -x\n'
+                       'step = (a, b)[{n} - 1]',
+    'one of two of Python': 'law = (math.sin, math.cos)[{n} - 1]\n{jit}'
+                            'def step(x):\n    return law(x)',
+    'a module': 'm = (math, np)[{n} - 1]\n{jit}def step(x):\n    return m.sin(x)',
+    'one of two of numpy': 'law = (np.sin, np.cos)[{n} - 1]\n{jit}def step(x):\n    return law(x)',
+    'one of two of the workspace': 'from mambo_model.motion import quaternion\n'
+                                   'law = (quaternion.conjugate, quaternion.rotate)[{n} - 1]\n'
+                                   '{jit}def step(x):\n    return law(x)',
+    'a type': 'kind = (np.float32, np.float64)[{n} - 1]\n{jit}def step(x):\n    return kind(x)',
+    'a type of numba': 'kind = (numba.float32, numba.int64)[{n} - 1]\n{jit}'
+                       'def step(x):\n    return kind(x)',
+    'functions in tuples in a tuple': 'laws = ((factory({n}.0),),)\n{jit}'
+                                      'def step(x):\n    return laws[0][0](x)',
+    'a function of an object': 'class Law:\n    def __init__(self, k):\n'
+                               '        self.f = factory(k)\nf = Law({n}.0).f\n{jit}'
+                               'def step(x):\n    return f(x)',
+    'a row of a table': 'T = np.zeros(1, [("k", "f8", 2000)])\nT["k"][0, 999] = {n}\nrow = T[0]\n'
+                        '{jit}def step(x):\n    return row.k[999] * x',
+    'the default of a tuple': 'class P(NamedTuple):\n    k: float = {n}.0\n{jit}'
+                              'def step(x):\n    return P().k * x',
+    'the names of fields': 'P = NamedTuple("P", [(k, float) for k in ("ab", "ba")[{n} - 1]])\n'
+                           '{jit}def step(x):\n    return P(x, 1.0).a',
+    'options': '@numba.njit(fastmath={n} == 1)\ndef step(x):\n    return x',
+    'a vectorized function': '@numba.vectorize\ndef law(x):\n    return K * x\nK = {n}.0\n{jit}'
+                             'def step(x):\n    return law(x)',
+    'a text that is executed': 'exec("def law(x):\\n    return {n} * x")\nlaw = numba.njit(law)\n'
+                               '{jit}def step(x):\n    return law(x)'}
+
+
+@pytest.mark.parametrize('text', CHOICES.values(), ids=CHOICES)
+def test_another_choice_is_another_version(text):
+    def made(number):
+        module = ModuleType('own_mine')
+        head = ('import math\nfrom typing import NamedTuple\nimport numba\n'
+                'import numpy as np\n\ndef factory(gain):\n    @numba.njit\n    def law(x):\n'
+                '        return gain * x\n    return law\n\n')
+        body = text.replace('{n}', str(number)).replace('{jit2}', '@numba.njit\n').replace(
+            '{jit}', '@numba.njit\n')
+        exec(compile(head + body, '/there/mine.py', 'exec'), vars(module))
+        return kept(module, 'own_')
+    assert made(1) == made(1) != made(2)
+
+
+def test_files_of_one_name_in_two_folders_are_told_apart(tmp_path):
+    found = []
+    for pitch in (1.0, 2.0):
+        module = ModuleType('own_mine')
+        module.__file__ = str(tmp_path / 'mine.py')
+        for name, gain in (('roll', 1.0), ('pitch', pitch)):
+            part = ModuleType(f'own_mine__{name}__law')
+            text = f'import numba\nK = {gain}\n@numba.njit\ndef law(x):\n    return K * x\n'
+            exec(compile(text, str(tmp_path / name / 'law.py'), 'exec'), vars(part))
+            vars(module)[name] = part.law
+        exec('import numba\n@numba.njit\ndef step(x):\n    return roll(x) + pitch(x)\n',
+             vars(module))
+        found.append(kept(module, 'own_'))
+    assert {'roll/law.py: K', 'pitch/law.py: K'} <= set(found[0])
+    assert {name for name in found[0] if found[1][name] != found[0][name]} == {'pitch/law.py: K'}
+
+
 def test_what_python_and_libraries_hold_is_followed_no_further():
     found = kept(load('math.pi * x + np.float64(OTHER is None)'), 'own_')
-    assert 'mine.py: math.pi' in found and not any('OTHER' in name for name in found)
+    assert found == kept(load('math.pi * x + np.float64(OTHER is None)'), 'own_')
+    assert 'mine.py: math.pi' in found and 'mine.py: math.tau' not in found
     ours = load('helper(x)')
     ours.helper.py_func.__module__ = 'mambo_model.frames'
     assert 'mine.py: ONE' not in kept(ours, 'own_')

@@ -46,7 +46,14 @@ def compared(text, other=None):
     'f = (lambda: 1) if {n} == 1 else (lambda: 2)',
     '@numba.njit\ndef f(x, gain={n}):\n    return x',
     '@functools.lru_cache\ndef f(x, gain={n}):\n    return x',
-    'class C:\n    gain = {n}',
+    'class C:\n    gain = {n}', '__x = {n}', 'class C:\n    def __call__(self, gain={n}): pass',
+    'class C:\n    def __init__(self, gain={n}): pass', 'import types\nm = types.ModuleType("m")\n'
+    'm.gain = {n}', 'space = {{"gain": {n}}}\nexec("def f():\\n    return gain", space)\n'
+    'f = space.pop("f")\ndel space', 'x = collections.defaultdict(lambda gain={n}: gain)',
+    'class D(dict):\n    pass\nx = D()\nx.gain = {n}',
+    'class F(float):\n    pass\nx = F(1.0)\nx.gain = {n}',
+    'x = np.zeros(1, [("k", "f8", 2000)])\nx["k"][0, 999] = {n}\nx = x[0]',
+    'class A:\n    pass\nclass B:\n    pass\nclass C((A, B)[{n} - 1]):\n    pass',
     'class C:\n    @staticmethod\n    def f(gain={n}): pass',
     'class C:\n    @property\n    def f(self, gain={n}): pass',
     'class C:\n    @functools.cached_property\n    def f(self, gain={n}): pass',
