@@ -185,7 +185,10 @@ class _Reader:
             note(f'{self._kind(value)} {len(value)}')
             for part in value.items() if isinstance(value, dict) else value:
                 self.read(place, part, names, depth + 1)
-        elif isinstance(value, enum.Enum | np.dtype | Type):
+        elif isinstance(value, enum.Enum):
+            note(f'{self._kind(value)}.{value.name}')
+            self.read(place, value.value, names, depth + 1)
+        elif isinstance(value, np.dtype | Type):
             note(f'{self._kind(value)} {value!r}')
         else:  # a function of Python or a library by its name; of other objects code keeps nothing
             note(f'{self._kind(value)} {self._own(str(getattr(value, "__module__", "")))} '
@@ -203,11 +206,14 @@ class _Reader:
         fields = getattr(kind, '_fields', None) or [
             field.name for field in dataclasses.fields(kind)] if (
                 hasattr(kind, '_fields') or dataclasses.is_dataclass(kind)) else ()
-        members = list(kind) if issubclass(kind, enum.Enum) else ()
-        self.found[place].append(
-            f'{self._own(kind.__module__)}.{kind.__qualname__} {fields} {members}')
+        self.found[place].append(f'{self._own(kind.__module__)}.{kind.__qualname__} {fields}')
         if defaults := getattr(kind, '_field_defaults', None):
             self.read(place, defaults, set())
+        if issubclass(kind, enum.Enum) and self._is_new(kind):
+            self.read(place, list(kind), set())
+        if (compiled := getattr(kind, 'class_type', None)) is not None:  # of numba's jitclass
+            for part in ('jit_methods', 'jit_static_methods', 'jit_props'):
+                self.read(place, getattr(compiled, part, {}), set())
 
     def _read_function(self, place: str, value: Any) -> None:
         """Note a function, and the values that it reads; a package's with its source."""

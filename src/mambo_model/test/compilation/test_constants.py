@@ -115,6 +115,13 @@ CHOICES = {
                               'def step(x):\n    return P().k * x',
     'the names of fields': 'P = NamedTuple("P", [(k, float) for k in ("ab", "ba")[{n} - 1]])\n'
                            '{jit}def step(x):\n    return P(x, 1.0).a',
+    'a member of its own': 'import enum\nimport functools\nclass M(enum.Enum):\n    A = {n}\n'
+                           '    B = functools.partial(print)\n{jit}'
+                           'def step(x):\n    return x if M.A is M.B else -x',
+    'a compiled class': 'from numba.experimental import jitclass\nK = {n}.0\n'
+                        '@jitclass([("x", numba.float64)])\nclass C:\n'
+                        '    def __init__(self):\n        self.x = K\n{jit}'
+                        'def step(x):\n    return C().x * x',
     'options': '@numba.njit(fastmath={n} == 1)\ndef step(x):\n    return x',
     'a vectorized function': '@numba.vectorize\ndef law(x):\n    return K * x\nK = {n}.0\n{jit}'
                              'def step(x):\n    return law(x)',
