@@ -14,6 +14,8 @@ from mambo_signals.motion import Motion
 from mambo_signals.resample import Floats, Ints
 import numpy as np
 
+from ..importers import plausible
+
 XYZ = ('x', 'y', 'z')
 GRID = 10_000_000  # [ns] sample period for the search of a delay
 LEAST = 10  # samples for statistics: the RMS of so few is known to 1 / sqrt(2 n), 22 %
@@ -367,6 +369,14 @@ def left_out(motions: Collection[Motion]) -> list[str]:
     return [outliers.describe(m.name, m.impossible) for m in motions if m.impossible]
 
 
+def _contradictions(a: Motion, b: Motion) -> list[str]:
+    """Return lines on a motion capture, b, that contradicts the drone's own path."""
+    there = b.at(a.stamps).position
+    both = np.isfinite(a.position).all(axis=1) & np.isfinite(there).all(axis=1)
+    paths = a.position[both, :2], there[both, :2]
+    return [said for said in (plausible.mirrored(*paths), plausible.other_scale(*paths)) if said]
+
+
 def _between(
     bag: Bag, topic: str, other: str, title: str, parts: Phases, notes: list[str],
 ) -> Comparison | None:
@@ -378,6 +388,7 @@ def _between(
             alignment = own_origin(a, b, begins_in_air(
                 a if a.name in motion.TRUTH else b, max(a.stamps[0], b.stamps[0])))
             notes.append(alignment.text)
+            notes += _contradictions(a, b)
             a = alignment.moved(a)
         return Comparison(
             f'{title}: {a.name} minus {b.name}', (a.name, b.name), tuple(motions(a, b)),

@@ -245,6 +245,16 @@ def test_a_path_too_small_to_tell_the_turn_gives_way_to_the_attitudes():
     assert '(by the paths, standard error ' in found.text and 'attitude' not in found.text
 
 
+@pytest.mark.parametrize(('change', 'said'), [
+    ((1.0, 1.0), None), ((1.0, -1.0), 'shows the mirror image of the path'),
+    ((1.4, 1.4), '1.4 times as large')])
+def test_a_capture_that_contradicts_the_path_of_the_drone_is_told(change, said):
+    t = 0.01 * np.arange(1000)
+    path = np.stack([np.cos(t), np.sin(2.0 * t), 0.0 * t], axis=1)
+    found = pair._contradictions(moving(path), moving(path * (*change, 1.0)))
+    assert len(found) == bool(said) and (not said or said in found[0])
+
+
 @pytest.mark.parametrize('nothing', [None, 0.0])
 def test_the_identity_and_no_attitude_tell_no_turn(nothing):
     found = pair.aligned(moving(SMALL, nothing), moving(NEAR, 0.3, 'b'), ('yaw',))
