@@ -20,7 +20,7 @@ from types import ModuleType
 from typing import Any, NoReturn
 
 from . import limits
-from .compilation.constants import compiled_functions, kept
+from .compilation.constants import assigned, compiled_functions, kept
 from .compilation.twins import twins
 from .compiled import own_cache, OWN_MODULES
 from .errors import MamboError
@@ -406,7 +406,14 @@ def _load(path: Path, files: set[Path], sha256: str) -> ModuleType:
     module = _run(path, files, sha256)
     if next(compiled_functions(module, module.__name__), None) is None:
         return module
-    values = kept(module, module.__name__)
+    with bounded(path):
+        values, late = kept(module, module.__name__), assigned(module)
+    if changing := sorted(late & values.keys()):
+        _drop(module.__name__)
+        raise ParameterError(
+            f'{path.parent / changing[0]} is assigned by a function, and compiled code keeps the '
+            'value that it has while the file is loaded: make it a parameter, or part of the '
+            'memory')
     new = _parts(module.__name__)
     _drop(module.__name__)
     for number in itertools.count():
@@ -421,7 +428,8 @@ def _load(path: Path, files: set[Path], sha256: str) -> ModuleType:
                 if all(twins(old[part], new[part]) for part in new):
                     return old['']  # with what it has compiled
     module = _run(path, files, version)
-    again = kept(module, module.__name__)
+    with bounded(path):
+        again = kept(module, module.__name__)
     if changing := sorted(name for name in values if again.get(name) != values[name]):
         _drop(module.__name__)
         raise ParameterError(

@@ -236,6 +236,15 @@ def test_objects_of_the_files_own_classes_are_no_reason_to_refuse_it(write):
                     '        net.x = x\n    return x\n'))
 
 
+def test_a_global_that_a_function_assigns_is_no_constant_of_compiled_code(write):
+    text = ('from mambo_model.compiled import jit\nGAIN = 1.0\n\n\ndef initial(values):\n'
+            '    global GAIN\n    GAIN = values.gain\n\n\n@jit\ndef step(x):\n'
+            '    return GAIN * x\n')
+    with pytest.raises(ParameterError, match=r'/mine.py: GAIN is assigned by a function, and'):
+        load_file(write(text))
+    assert load_file(write(text.replace('GAIN * x', 'x'))).step(1.0) == 1.0
+
+
 def test_a_value_that_differs_each_time_is_no_constant_of_compiled_code(write, tmp_path):
     (tmp_path / 'gain.txt').write_text('1')
     path = write(COMPILED.replace(

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator
 import dataclasses
+import dis
 import enum
 import hashlib
 from pathlib import Path
-from types import CodeType, FunctionType, ModuleType
+import re
+from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any
+import uuid
 
 from numba.core.types import Type
 import numpy as np
@@ -17,7 +20,10 @@ import numpy as np
 from ..compiled import CPUDispatcher
 
 _PLAIN = (bool, int, float, complex, str, bytes, type(None))
-_OPTIONS = (bool, int, str, type(None))  # of a compiled function
+_NAMED = (BuiltinFunctionType, FunctionType, np.ufunc)  # known by their names, if not a user's
+_PICKLING = ('__reduce_ex__', '__reduce__', '__getstate__')  # may leave out what an object holds
+_ADDRESS = re.compile(r'(#|0x)[0-9a-f]{6,}')
+_UNKNOWN = uuid.uuid4().hex  # of this process: what is compiled with it serves no other one
 _DEEPEST = 20  # names of modules in modules, and lists in lists
 
 
@@ -87,11 +93,45 @@ def _python_function(value: Any) -> Any:
     """Return the Python function of a compiled one; any other value as it is."""
     if isinstance(value, CPUDispatcher):
         return value.py_func
-    for holder in ('_dispatcher', 'gufunc_builder'):  # of numba.vectorize and guvectorize
-        if isinstance(found := getattr(getattr(value, holder, None), 'py_func', None),
-                      FunctionType):
+    if not type(value).__module__.startswith('numba.'):
+        return value
+    for path in ('_dispatcher.py_func', 'gufunc_builder.py_func',  # of vectorize and guvectorize
+                 'kernel_ir.func_id.func', '_defn'):  # of stencil and intrinsic
+        found = value
+        for name in path.split('.'):
+            found = getattr(found, name, None)
+        if isinstance(found, FunctionType):
             return found
     return value
+
+
+def assigned(module: ModuleType) -> set[str]:
+    """Return the globals that functions of a module assign, as :func:`kept` names them."""
+    names: set[str] = set()
+    for value in vars(module).values():
+        function = getattr(value, 'py_func', value)
+        if isinstance(function, FunctionType) and function.__globals__ is vars(module):
+            names |= set(_assigned(function.__code__))
+    return {f'{Path(getattr(module, "__file__", None) or module.__name__).name}: {name}'
+            for name in names}
+
+
+def _assigned(code: CodeType) -> Iterator[str]:
+    """Yield the globals that code assigns."""
+    for step in dis.get_instructions(code):
+        if step.opname == 'STORE_GLOBAL':
+            yield str(step.argval)
+    for part in code.co_consts:
+        if isinstance(part, CodeType):
+            yield from _assigned(part)
+
+
+def hides(kind: type, own: bool) -> bool:
+    """Return whether pickling may leave out what the objects of a user's own class hold."""
+    return own and any(
+        getattr(kind, name, None) is not getattr(object, name, None)
+        and getattr(getattr(kind, name), '__module__', '') not in ('dataclasses', 'enum')
+        for name in _PICKLING)
 
 
 def _sha256(text: str | bytes) -> str:
@@ -147,6 +187,10 @@ class _Reader:
         self.file = Path(getattr(module, '__file__', None) or module.__name__).name
         self.found: dict[str, list[str]] = defaultdict(list)
         self.seen: dict[int, tuple[int, Any]] = {}  # number in order, and what it is, kept alive
+        self.holders: dict[int, Any] = {}  # classes and objects whose names were read
+        self.walked: dict[tuple[int, int], Any] = {}  # modules, with the names that are read there
+        self.extends = any(getattr(value, '__module__', '') == 'numba.core.extending'
+                           for value in vars(module).values())
 
     def read_names(self, holder: Any, before: str) -> None:
         """Note what functions and classes the names of a module, class or object stand for."""
@@ -155,9 +199,13 @@ class _Reader:
                 continue
             value = value.__func__ if isinstance(value, staticmethod) else value
             place = f'{self.file}: {before}{name}'
-            if isinstance(value, type) or _is_function(value):
+            if isinstance(value, FunctionType) and not self.extends:
+                self.found[place].append(
+                    f'{self._own(value.__module__ or "")}.{value.__qualname__}')
+            elif isinstance(value, type) or _is_function(value):
                 self.read(place, value, set())
-            if _may_hold_functions(value, self.within) and self._is_new(value):
+            if _may_hold_functions(value, self.within) and id(value) not in self.holders:
+                self.holders[id(value)] = value
                 self.read_names(value, f'{before}{name}.')
 
     def _is_new(self, value: Any) -> bool:
@@ -170,13 +218,16 @@ class _Reader:
     def read(self, place: str, value: Any, names: set[str], depth: int = 0) -> None:
         """Note the value at a place; names: all that the code that reads it uses."""
         note = self.found[place].append
-        if (content := _content(value)) is not None:
+        if type(value) is str:
+            note(_sha256(value.replace(self.within, '')))
+        elif (content := _content(value)) is not None:
             note(_sha256(content))
         elif isinstance(value, ModuleType):  # numba reads its attributes as globals
             note(self._own(value.__name__))
-            for inner in sorted(names & vars(value).keys()) if depth < _DEEPEST else ():
-                if vars(value)[inner] is not value:
-                    self.read(f'{place}.{inner}', vars(value)[inner], names, depth + 1)
+            if (id(value), id(names)) not in self.walked:
+                self.walked[id(value), id(names)] = value, names
+                for inner, part in self._attributes(value, names):
+                    self.read(f'{place}.{inner}', part, names, depth)
         elif isinstance(value, type):
             self._read_type(place, value)
         elif isinstance(_python_function(value), FunctionType):
@@ -189,10 +240,39 @@ class _Reader:
             note(f'{self._kind(value)}.{value.name}')
             self.read(place, value.value, names, depth + 1)
         elif isinstance(value, np.dtype | Type):
-            note(f'{self._kind(value)} {value!r}')
-        else:  # a function of Python or a library by its name; of other objects code keeps nothing
-            note(f'{self._kind(value)} {self._own(str(getattr(value, "__module__", "")))} '
+            note(f'{self._kind(value)} {_ADDRESS.sub("", repr(value))}')
+        elif isinstance(value, _NAMED):
+            note(f'{self._kind(value)} {getattr(value, "__module__", "")} '
                  f'{getattr(value, "__qualname__", getattr(value, "__name__", ""))}')
+        else:
+            note(self._kind(value))
+            self._read_object(place, value, depth)
+
+    def _attributes(self, module: ModuleType, names: set[str]) -> Iterator[tuple[str, Any]]:
+        """Yield what names are in a module, also if a user's one makes them when asked."""
+        asks = module.__name__.startswith(self.within) or type(module) is not ModuleType
+        for name in sorted(names):
+            if name in vars(module) or asks and hasattr(module, name):
+                if (value := getattr(module, name)) is not module:
+                    yield name, value
+
+    def _read_object(self, place: str, value: Any, depth: int) -> None:
+        """Note what pickle would write of an object; what has no pickle serves this process."""
+        if not self._is_new(value):
+            return
+        try:
+            if depth >= _DEEPEST or hides(
+                    type(value), type(value).__module__.startswith(self.within)):
+                raise TypeError
+            whole = value.__reduce_ex__(2)
+            if not isinstance(whole, str):
+                whole = [list(part) if i > 2 and part is not None else part
+                         for i, part in enumerate(whole[:5])]
+            self.seen[id(whole)] = len(self.seen), whole
+        except Exception:  # of a user's object, which may do anything
+            self.found[place].append(_UNKNOWN)
+            return
+        self.read(place, whole, set(), depth + 1)
 
     def _own(self, name: str) -> str:
         """Return the name of a module; one of the user's without what differs by version."""
@@ -221,8 +301,7 @@ class _Reader:
         module, code = function.__module__ or '', function.__code__
         own, compiled = module.startswith(self.within), function is not value
         new = self._is_new(function)
-        options = sorted((name, option) for name, option in getattr(
-            value, 'targetoptions', {}).items() if isinstance(option, _OPTIONS))
+        options = _options(value) if own else ''
         self.found[place].append(
             f'{self._own(module)}.{function.__qualname__} {code.co_firstlineno} '
             f'{self.seen[id(function)][0]} {options} {_code(code) if own else ""}')
@@ -230,10 +309,11 @@ class _Reader:
             return  # the workspace's own source names the folder of what is compiled
         if not own and (source := Path(code.co_filename)).is_file():
             self.found[str(source)] = [_sha256(source.read_bytes())]
+        names = _names(code)
         for name, part in self._outside(function):
             file = code.co_filename.removeprefix(f'{self.folder}/').removeprefix('/')
             file = file if code.co_filename.startswith(f'{self.folder}/') else Path(file).name
-            self.read(f'{file}: {name}', part, _names(code))
+            self.read(f'{file}: {name}', part, names)
 
     @staticmethod
     def _outside(function: Any) -> Iterator[tuple[str, Any]]:
@@ -248,6 +328,17 @@ class _Reader:
                 continue
         for i, value in enumerate(function.__defaults__ or ()):
             yield f'{function.__qualname__}, default {i}', value
+
+
+def _options(value: Any) -> str:
+    """Return the options, the types and the signatures that a compiled function was given."""
+    def text(option: Any) -> str:
+        if isinstance(option, set | frozenset | dict):
+            return str(sorted(map(str, option.items() if isinstance(option, dict) else option)))
+        return str(option) if type(option) in _PLAIN else type(option).__name__
+    given = {**getattr(value, 'targetoptions', {}), 'types': getattr(value, 'locals', {})}
+    return f'{sorted((name, text(option)) for name, option in given.items())} ' + ' '.join(
+        map(str, getattr(value, 'overloads', ())))
 
 
 def _is_function(value: Any) -> bool:

@@ -8,7 +8,10 @@ from typing import Any
 
 import numpy as np
 
-_PLAIN = (bool, int, float, complex, bytes, type(None))
+from .constants import hides
+from ..compiled import CPUDispatcher
+
+_PLAIN = (bool, int, float, complex, type(None))
 _OF_MODULES = {
     '__name__', '__doc__', '__package__', '__loader__', '__spec__', '__file__', '__cached__',
     '__builtins__', '__path__'}
@@ -40,10 +43,13 @@ class _Comparison:
             return False
         if type(a) in _PLAIN:
             return repr(a) == repr(b)
-        if isinstance(a, CodeType):
+        if isinstance(a, CodeType) or type(a) is bytes:
             return a == b
         if isinstance(a, np.generic) and not a.dtype.hasobject:
             return a.dtype == b.dtype and a.tobytes() == b.tobytes()
+        if type(a) is np.ndarray and not a.dtype.hasobject:
+            return a.dtype == b.dtype and a.shape == b.shape and np.array_equal(*(
+                np.ascontiguousarray(x).reshape(-1).view(np.uint8) for x in (a, b)))
         if type(a) in (dict, MappingProxyType):
             return self._all(list(a.items()), list(b.items()))
         if type(a) in (tuple, list):
@@ -52,6 +58,8 @@ class _Comparison:
             return self._modules(a, b)
         if isinstance(a, FunctionType) and not self.alike(self._space(a), self._space(b)):
             return False
+        if hides(type(a), type(a).__module__.startswith(self.names[0])):
+            raise _UnknownError
         return self.alike(_parts(a), _parts(b))
 
     def _all(self, a: Any, b: Any) -> bool:
@@ -82,7 +90,7 @@ def _without(members: Any, names: set[str]) -> dict[str, Any]:
 
 def _parts(value: Any) -> Any:
     """Return what a value consists of; raise an Exception if that cannot be told."""
-    if hasattr(value, 'py_func'):
+    if isinstance(value, CPUDispatcher):
         return value.py_func
     if isinstance(value, FunctionType):
         return (value.__code__, value.__defaults__, value.__kwdefaults__, value.__closure__,

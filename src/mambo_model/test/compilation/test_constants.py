@@ -1,7 +1,9 @@
 """Values that compiled functions keep are found, wherever they stand; nothing else is."""
 
+import threading
 from types import ModuleType
 
+from mambo_model.compilation import constants
 from mambo_model.compilation.constants import kept
 import numpy as np
 import pytest
@@ -122,6 +124,24 @@ CHOICES = {
                         '@jitclass([("x", numba.float64)])\nclass C:\n'
                         '    def __init__(self):\n        self.x = K\n{jit}'
                         'def step(x):\n    return C().x * x',
+    'a slice': 'S = slice({n}, 9)\n{jit}def step(x):\n    return x[S]',
+    'a number of its own kind': 'class F(float):\n    pass\nK = F({n})\n{jit}'
+                                'def step(x):\n    return K * x',
+    'what a module makes when asked': 'import types\nm = types.ModuleType("own_m")\n'
+                                      'm.__getattr__ = lambda name: {n}.0\n{jit}'
+                                      'def step(x):\n    return m.GAIN * x',
+    'a stencil': 'K = {n}.0\n@numba.stencil\ndef law(a):\n    return K * a[0]\n{jit}'
+                 'def step(x):\n    return law(x)',
+    'types of variables': 'T = (numba.float32, numba.float64)[{n} - 1]\n'
+                          '@numba.njit(locals={"y": T})\ndef step(x):\n    y = x\n    return y',
+    'a signature': '@numba.njit(("f8(f8)", "f4(f4)")[{n} - 1])\ndef step(x):\n    return x',
+    'options in a set': '@numba.njit(fastmath={"nnan"} if {n} == 1 else {"ninf"})\n'
+                        'def step(x):\n    return x',
+    'an intrinsic': 'from numba.extending import intrinsic\nK = {n}.0\n@intrinsic\n'
+                    'def law(context, x):\n    return K\n{jit}def step(x):\n    return law(x)',
+    'an overload': 'from numba.extending import overload\nK = {n}.0\ndef law(x):\n    pass\n'
+                   '@overload(law)\ndef typed(x):\n    return lambda x: K * x\n{jit}'
+                   'def step(x):\n    return law(x)',
     'options': '@numba.njit(fastmath={n} == 1)\ndef step(x):\n    return x',
     'a vectorized function': '@numba.vectorize\ndef law(x):\n    return K * x\nK = {n}.0\n{jit}'
                              'def step(x):\n    return law(x)',
@@ -141,6 +161,37 @@ def test_another_choice_is_another_version(text):
         exec(compile(head + body, '/there/mine.py', 'exec'), vars(module))
         return kept(module, 'own_')
     assert made(1) == made(1) != made(2)
+
+
+def test_modules_that_import_each_other_have_an_end():
+    parts = [ModuleType(f'own_mine__{name}') for name in 'abcdef']
+    for part in parts:
+        vars(part).update({other.__name__[-1]: other for other in parts}, x=1.0)
+    module = load('a.b.x + b.a.x + c.d.x + e.f.x')
+    vars(module).update({part.__name__[-1]: part for part in parts})
+    found = kept(module, 'own_')
+    assert 'mine.py: a.x' in found and len(found) < 100
+
+
+@pytest.mark.parametrize('value', [
+    'object()', 'numba.typeof(factory(1))', 'Sentinel', 'print', 'np.random.default_rng(1)',
+    'Net()'])
+def test_values_without_numbers_are_the_same_each_time(value):
+    def made():
+        module = load('OTHER is None')
+        exec('import enum\nclass Sentinel(enum.Enum):\n    A = object()\nclass Net:\n    pass\n'
+             f'OTHER = {value}', vars(module))
+        return kept(module, 'own_')
+    assert made() == made()
+
+
+def test_what_cannot_be_told_serves_this_process_alone(monkeypatch):
+    module = load('OTHER is None')
+    vars(module)['OTHER'] = threading.Lock()
+    one = kept(module, 'own_')
+    assert one == kept(module, 'own_')
+    monkeypatch.setattr(constants, '_UNKNOWN', 'another process')
+    assert one != kept(module, 'own_')
 
 
 def test_files_of_one_name_in_two_folders_are_told_apart(tmp_path):

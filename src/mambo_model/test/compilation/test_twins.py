@@ -46,6 +46,8 @@ def compared(text, other=None):
     'f = (lambda: 1) if {n} == 1 else (lambda: 2)',
     '@numba.njit\ndef f(x, gain={n}):\n    return x',
     '@functools.lru_cache\ndef f(x, gain={n}):\n    return x',
+    'class C:\n    py_func = 1\nx = C()\nx.gain = {n}',
+    '@dataclasses.dataclass(frozen=True, slots=True)\nclass C:\n    gain: float = {n}\nx = C()',
     'class C:\n    gain = {n}', '__x = {n}', 'class C:\n    def __call__(self, gain={n}): pass',
     'class C:\n    def __init__(self, gain={n}): pass', 'import types\nm = types.ModuleType("m")\n'
     'm.gain = {n}', 'space = {{"gain": {n}}}\nexec("def f():\\n    return gain", space)\n'
@@ -91,6 +93,8 @@ def test_values_of_another_kind_differ(one, two):
     'x = threading.Lock()', 'x = (i for i in range(3))',
     'class C:\n    def __reduce_ex__(self, version):\n        1 / 0\nx = C()',
     '@functools.lru_cache\ndef f(x):\n    return x\nf(1)',
+    'class C:\n    def __reduce__(self):\n        return C, ()\nx = C()',
+    'class C:\n    def __getstate__(self):\n        return {}\nx = C()',
     'class C:\n    def __reduce_ex__(self, version):\n        return C, (C(),)\nx = C()'])
 def test_what_cannot_be_compared_is_not_taken_for_the_same(text):
     assert not compared(text)
