@@ -27,6 +27,9 @@ from .errors import MamboError
 from .schema import ParameterError
 
 
+_IN_FLIGHT = ('initial', 'step')  # functions of a component
+
+
 def nothing(path: Path) -> None:
     """Do nothing."""
 
@@ -407,11 +410,11 @@ def _load(path: Path, files: set[Path], sha256: str) -> ModuleType:
     if next(compiled_functions(module, module.__name__), None) is None:
         return module
     with bounded(path):
-        values, late = kept(module, module.__name__), assigned(module)
+        values, late = kept(module, module.__name__), assigned(module, _IN_FLIGHT)
     if changing := sorted(late & values.keys()):
         _drop(module.__name__)
         raise ParameterError(
-            f'{path.parent / changing[0]} is assigned by a function, and compiled code keeps the '
+            f'{path.parent / changing[0]} is assigned in flight, and compiled code keeps the '
             'value that it has while the file is loaded: make it a parameter, or part of the '
             'memory')
     new = _parts(module.__name__)

@@ -240,8 +240,16 @@ def test_a_global_that_a_function_assigns_is_no_constant_of_compiled_code(write)
     text = ('from mambo_model.compiled import jit\nGAIN = 1.0\n\n\ndef initial(values):\n'
             '    global GAIN\n    GAIN = values.gain\n\n\n@jit\ndef step(x):\n'
             '    return GAIN * x\n')
-    with pytest.raises(ParameterError, match=r'/mine.py: GAIN is assigned by a function, and'):
+    with pytest.raises(ParameterError, match=r'/mine.py: GAIN is assigned in flight, and'):
         load_file(write(text))
+    for called in ('Mine', 'helper'):
+        with pytest.raises(ParameterError, match=r'/mine.py: GAIN is assigned in flight, and'):
+            load_file(write(text.replace('def initial', 'def helper') + (
+                '\n\ndef initial(values):\n    helper(values)\n' if called == 'helper' else
+                '\n\nclass Mine:\n    @staticmethod\n    def initial(values):\n'
+                '        helper(values)\n')))
+    at_load = text.replace('def initial(values)', 'def load()').replace('values.gain', '3.0')
+    assert load_file(write(f'{at_load}\n\nload()\n')).step(1.0) == 3.0
     assert load_file(write(text.replace('GAIN * x', 'x'))).step(1.0) == 1.0
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 import dataclasses
 import dis
 import enum
@@ -105,13 +105,28 @@ def _python_function(value: Any) -> Any:
     return value
 
 
-def assigned(module: ModuleType) -> set[str]:
-    """Return the globals that functions of a module assign, as :func:`kept` names them."""
-    names: set[str] = set()
-    for value in vars(module).values():
-        function = getattr(value, 'py_func', value)
-        if isinstance(function, FunctionType) and function.__globals__ is vars(module):
-            names |= set(_assigned(function.__code__))
+def assigned(module: ModuleType, called: Iterable[str]) -> set[str]:
+    """
+    Return the globals that a module's functions assign in flight, as :func:`kept` names them.
+
+    Parameters
+    ----------
+    module
+        With the functions, in classes too.
+    called
+        Names of those that are called in flight; what they call is followed.
+
+    """
+    new, seen, names = set(called), set(), set()
+    holders = [module, *(value for value in vars(module).values() if isinstance(value, type))]
+    while new:
+        seen |= new
+        found = [getattr(vars(holder).get(name), '__func__', vars(holder).get(name))
+                 for holder in holders for name in new]
+        codes = [function.__code__ for function in found if isinstance(function, FunctionType)
+                 and function.__globals__ is vars(module)]
+        names |= {name for code in codes for name in _assigned(code)}
+        new = set().union(*map(_names, codes)) - seen
     return {f'{Path(getattr(module, "__file__", None) or module.__name__).name}: {name}'
             for name in names}
 
@@ -233,8 +248,9 @@ class _Reader:
         elif isinstance(_python_function(value), FunctionType):
             self._read_function(place, value)
         elif isinstance(value, tuple | list | dict) and depth < _DEEPEST:
-            note(f'{self._kind(value)} {len(value)}')
-            for part in value.items() if isinstance(value, dict) else value:
+            new = self._is_new(value)
+            note(f'{self._kind(value)} {len(value)} {self.seen[id(value)][0]}')
+            for part in () if not new else value.items() if isinstance(value, dict) else value:
                 self.read(place, part, names, depth + 1)
         elif isinstance(value, enum.Enum):
             note(f'{self._kind(value)}.{value.name}')
@@ -268,7 +284,6 @@ class _Reader:
             if not isinstance(whole, str):
                 whole = [list(part) if i > 2 and part is not None else part
                          for i, part in enumerate(whole[:5])]
-            self.seen[id(whole)] = len(self.seen), whole
         except Exception:  # of a user's object, which may do anything
             self.found[place].append(_UNKNOWN)
             return
