@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from .constants import hides
 from ..compiled import CPUDispatcher
+from .constants import hides
 
 _PLAIN = (bool, int, float, complex, type(None))
 _OF_MODULES = {
