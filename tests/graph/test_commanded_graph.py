@@ -96,9 +96,9 @@ def bag(tmp_path_factory):
         assert client.send('step', steps=900) == 'to t = 4.495 s'
         stream(topics.SETPOINT, setpoint, fc.SETPOINT)
         stream(topics.JOY, stick, fc.VELOCITY)
-        client.send('step', steps=400)
+        until(lambda: client.send('step', steps=400))  # a loaded machine may answer late
         client.send('go_to', goal=(0.5, -0.5, 1.0), yaw=0.4)
-        client.send('step', steps=200)
+        until(lambda: client.send('step', steps=200))
         time.sleep(1.0)  # so that the landing begins on the way
         client.send('land')
         assert client.send('resume') == 'going on'
