@@ -271,21 +271,18 @@ class NodeProcess:
     def send(self, number: int) -> None:
         """Send a signal; resume the process first if it is stopped."""
         if self.exit_code is None:
-            for one in session(self.pid) if self._several else ():
+            for one in session(self.pid) if self._several else [self.pid]:
                 with contextlib.suppress(ProcessLookupError):
                     os.kill(one, number)
                     os.kill(one, signal.SIGCONT)
-            if not self._several:
-                self._process.send_signal(number)
-                self._process.send_signal(signal.SIGCONT)
 
     def wait(self, seconds: float) -> int | None:
         """Wait for the end; return the exit code, None if the process still runs."""
+        began = time.monotonic()
         try:
             self._process.wait(seconds)
         except subprocess.TimeoutExpired:
             return None
-        began = time.monotonic()
         while (code := self.exit_code) is None:
             if time.monotonic() - began > seconds:
                 return None

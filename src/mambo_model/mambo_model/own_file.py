@@ -20,7 +20,7 @@ from types import ModuleType
 from typing import Any, NoReturn
 
 from . import limits
-from .compilation.constants import assigned, compiled_functions, kept
+from .compilation.constants import assigned, kept
 from .compilation.twins import twins
 from .compiled import own_cache, OWN_MODULES
 from .errors import MamboError
@@ -407,11 +407,11 @@ def _load(path: Path, files: set[Path], sha256: str) -> ModuleType:
     two modules with compiled functions never have the same name.
     """
     module = _run(path, files, sha256)
-    if next(compiled_functions(module, module.__name__), None) is None:
-        return module
     with bounded(path):
-        values, late = kept(module, module.__name__), assigned(module, _IN_FLIGHT)
-    if changing := sorted(late & values.keys()):
+        values = kept(module, module.__name__)
+    if not values:
+        return module
+    if changing := sorted(assigned(module, _IN_FLIGHT) & values.keys()):
         _drop(module.__name__)
         raise ParameterError(
             f'{path.parent / changing[0]} is assigned in flight, and compiled code keeps the '

@@ -371,9 +371,7 @@ def left_out(motions: Collection[Motion]) -> list[str]:
 
 def _contradictions(a: Motion, b: Motion) -> list[str]:
     """Return lines on a motion capture, b, that contradicts the drone's own path."""
-    there = b.at(a.stamps).position
-    both = np.isfinite(a.position).all(axis=1) & np.isfinite(there).all(axis=1)
-    paths = a.position[both, :2], there[both, :2]
+    paths = plausible.common_path(a, b)
     return [said for said in (plausible.mirrored(*paths), plausible.other_scale(*paths)) if said]
 
 

@@ -13,6 +13,7 @@ added on the flight's clock.
 from __future__ import annotations
 
 from collections.abc import Mapping
+import dataclasses
 import math
 from pathlib import Path
 from typing import NamedTuple
@@ -26,7 +27,7 @@ from mambo_bags.recover import declare, extras, in_order, OWN_RECORD
 from mambo_bags.writer import BagWriter, BagWriterError
 from mambo_model.whole_file import refuse_existing
 from mambo_ros import cdr
-from mambo_signals import gyro_check, motion, resample
+from mambo_signals import gyro_check, motion
 from mambo_signals.derivative import body_rates
 from mambo_signals.time_offset import (
     AlignError, Floats, LEAST_SWING, most_precise, Offset, offsets, pose_offset, Poses, RANGE_LATE,
@@ -264,13 +265,11 @@ def _check_path(path: Path, own: motion.Motion, tracked: motion.Motion, shift: i
         If the capture shows the path mirrored.
 
     """
-    there = resample.interpolate(
-        own.stamps, tracked.stamps + shift, tracked.position,
-        resample.longest_step(tracked.stamps))
-    both = np.isfinite(there).all(axis=1) & np.isfinite(own.position).all(axis=1)
-    if said := plausible.mirrored(own.position[both, :2], there[both, :2]):
+    paths = plausible.common_path(
+        own, dataclasses.replace(tracked, stamps=tracked.stamps + shift))
+    if said := plausible.mirrored(*paths):
         raise BagError(f'{path}: {said}: import it with the right axes')
-    said = plausible.other_scale(own.position[both, :2], there[both, :2])
+    said = plausible.other_scale(*paths)
     return f'warning: {path}: {said}\n' if said else ''
 
 

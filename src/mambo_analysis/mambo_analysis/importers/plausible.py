@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from mambo_bags.mcap_reader import BagError
 from mambo_signals.gyro_check import differs
 from mambo_signals.height_check import LEAST_CHANGE, LEAST_ROWS
+from mambo_signals.motion import Motion
 from mambo_signals.outliers import FASTEST_TURN
 import numpy as np
 from numpy.typing import NDArray
@@ -228,6 +229,13 @@ def tilt_of(times: Floats, rates: Floats) -> float:
             largest = max(largest, float(np.sqrt(np.mean(left**2))))
         begin += 0.5 * WINDOW
     return largest
+
+
+def common_path(own: Motion, tracked: Motion) -> tuple[Floats, Floats]:
+    """Return the horizontal paths, (n, 2) m, of a drone and of its capture where both are."""
+    there = tracked.values(own.stamps, tracked.position)
+    both = np.isfinite(there).all(axis=1) & np.isfinite(own.position).all(axis=1)
+    return own.position[both, :2], there[both, :2]
 
 
 def mirrored(path: Floats, position: Floats) -> str | None:

@@ -20,7 +20,7 @@ import numpy as np
 from ..compiled import CPUDispatcher
 
 _PLAIN = (bool, int, float, complex, str, bytes, type(None))
-_NAMED = (BuiltinFunctionType, FunctionType, np.ufunc)  # known by their names, if not a user's
+_NAMED = (BuiltinFunctionType, np.ufunc)  # known by their names
 _PICKLING = ('__reduce_ex__', '__reduce__', '__getstate__')  # may leave out what an object holds
 _ADDRESS = re.compile(r'(#|0x)[0-9a-f]{6,}')
 _UNKNOWN = uuid.uuid4().hex  # of this process: what is compiled with it serves no other one
@@ -49,30 +49,15 @@ def kept(module: ModuleType, within: str) -> dict[str, str]:
         {file and name: digest}; empty without compiled functions.
 
     """
-    if next(compiled_functions(module, module.__name__), None) is None:
+    if next(_compiled_functions(module, module.__name__, set()), None) is None:
         return {}
     reader = _Reader(module, within)
     reader.read_names(module, '')
     return {place: _sha256('\n'.join(notes)) for place, notes in reader.found.items()}
 
 
-def compiled_functions(
-    holder: Any, module: str, seen: set[int] | None = None,
-) -> Iterator[Any]:
-    """
-    Yield the compiled functions of a module, and of its classes and objects inside.
-
-    Parameters
-    ----------
-    holder
-        The module, or a class or an object in it.
-    module
-        Name of the module; those of modules beside it begin with it.
-    seen
-        What is not looked at again, by its id.
-
-    """
-    seen = set() if seen is None else seen
+def _compiled_functions(holder: Any, module: str, seen: set[int]) -> Iterator[Any]:
+    """Yield the compiled functions of a module, and of its classes and objects inside."""
     for value in list(getattr(holder, '__dict__', {}).values()):
         if isinstance(value, staticmethod):
             value = value.__func__
@@ -80,7 +65,7 @@ def compiled_functions(
             yield value
         elif _may_hold_functions(value, module) and id(value) not in seen:
             seen.add(id(value))
-            yield from compiled_functions(value, module, seen)
+            yield from _compiled_functions(value, module, seen)
 
 
 def _may_hold_functions(value: Any, module: str) -> bool:
@@ -245,7 +230,7 @@ class _Reader:
                     self.read(f'{place}.{inner}', part, names, depth)
         elif isinstance(value, type):
             self._read_type(place, value)
-        elif isinstance(_python_function(value), FunctionType):
+        elif _is_function(value):
             self._read_function(place, value)
         elif isinstance(value, tuple | list | dict) and depth < _DEEPEST:
             new = self._is_new(value)
@@ -324,10 +309,10 @@ class _Reader:
             return  # the workspace's own source names the folder of what is compiled
         if not own and (source := Path(code.co_filename)).is_file():
             self.found[str(source)] = [_sha256(source.read_bytes())]
-        names = _names(code)
+        names, whole = _names(code), code.co_filename
+        beside = whole.startswith(f'{self.folder}/')
+        file = whole.removeprefix(f'{self.folder}/') if beside else Path(whole).name
         for name, part in self._outside(function):
-            file = code.co_filename.removeprefix(f'{self.folder}/').removeprefix('/')
-            file = file if code.co_filename.startswith(f'{self.folder}/') else Path(file).name
             self.read(f'{file}: {name}', part, names)
 
     @staticmethod
