@@ -20,10 +20,24 @@ up_to_date() {
         [[ -n $oldest && ! $result -ot $oldest ]] || oldest=$result
     done
     [[ -f install/local_setup.bash ]] || return 1
+    messages_up_to_date || return 1
     [[ -z $(find src colcon.meta -newer "$oldest" -not -path '*/__pycache__*' \( \
         -name package.xml -o -name 'setup.*' -o -name CMakeLists.txt -o -name '*.msg' \
         -o -name colcon.meta -o -type d \( -name launch -o -name config -o -name layouts \
         -o -name scenarios \) \) -print -quit) ]]
+}
+
+# Of the messages that the nodes use, tf2_msgs alone has no wheel.
+messages_up_to_date() {
+    [[ ${MAMBO_ROS:-} != wheels ]] || [[ $(cat .venv/share/tf2_msgs/made_of 2>/dev/null) == \
+        "$(cksum compat/tf2_msgs/*.* compat/tf2_msgs/msg/*)" ]]
+}
+build_messages() {
+    rm -rf .cache/tf2_msgs
+    cmake -S compat/tf2_msgs -B .cache/tf2_msgs -DCMAKE_INSTALL_PREFIX="$root/.venv" \
+        -DCMAKE_BUILD_TYPE=Release &&
+        cmake --build .cache/tf2_msgs --target install &&
+        cksum compat/tf2_msgs/*.* compat/tf2_msgs/msg/* >.venv/share/tf2_msgs/made_of
 }
 
 # setuptools quotes an interpreter whose path has a space, which no kernel understands.
@@ -58,9 +72,19 @@ log=.cache/build.log
 # colcon's own options limit make by the load of the last minute, which an installation has just
 # raised: the interfaces would compile on one core
 export MAKEFLAGS=${MAKEFLAGS:--j$(nproc)}
+building=
+if ! messages_up_to_date; then  # on the core that colcon leaves idle for a while
+    build_messages >.cache/tf2_msgs.log 2>&1 &
+    building=$!
+fi
 colcon build --event-handlers console_direct- console_cohesion+ >"$log" 2>&1 || {
+    [[ -z $building ]] || wait "$building" || true
     sed -n '/^--- stderr/,/^---$/p' "$log" | head -n 40 >&2
     echo "mambo: the build failed: see $root/$log" >&2
+    exit 1
+}
+[[ -z $building ]] || wait "$building" || {
+    echo "mambo: could not build compat/tf2_msgs: see $root/.cache/tf2_msgs.log" >&2
     exit 1
 }
 mend_interpreters

