@@ -14,6 +14,29 @@ from .processes import FlightError, FlightInputError
 _FREE = range(0, 101)  # domains whose ports are free of the ephemeral range on Linux
 
 
+def check() -> str:
+    """
+    Return the domain that the user has set, '' for none, if nodes of a flight can be connected.
+
+    Raises
+    ------
+    FlightInputError
+        If the requested domain does not exist.
+    FlightError
+        If :func:`mambo_ros.graph.loopback.check` refuses the environment.
+
+    """
+    try:
+        loopback.check()
+    except JobError as error:
+        raise FlightError(str(error)) from None
+    asked = os.environ.get('ROS_DOMAIN_ID', '')
+    if asked and not (asked.isascii() and asked.isdigit() and int(asked) <= HIGHEST):
+        raise FlightInputError(
+            f'ROS_DOMAIN_ID = {asked!r} is not a whole number from 0 to {HIGHEST}')
+    return asked
+
+
 class Domain:
     """
     A ROS domain reserved until :meth:`release`, the end of ``with`` or of the object.
@@ -40,14 +63,7 @@ class Domain:
     def __init__(self) -> None:
         self._held: socket.socket | None = None
         self._added: list[str] = []
-        try:
-            loopback.check()
-        except JobError as error:
-            raise FlightError(str(error)) from None
-        asked = os.environ.get('ROS_DOMAIN_ID', '')
-        if asked and not (asked.isascii() and asked.isdigit() and int(asked) <= HIGHEST):
-            raise FlightInputError(
-                f'ROS_DOMAIN_ID = {asked!r} is not a whole number from 0 to {HIGHEST}')
+        asked = check()
         for number in [int(asked)] if asked else _FREE:
             self._held = claim(number)
             if self._held:

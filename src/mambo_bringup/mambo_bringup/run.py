@@ -29,6 +29,7 @@ from mambo_ros.topics import NAMESPACE
 from mambo_view import page as view
 from mambo_view.page import PORT
 
+from . import domain
 from .flight import natnet
 from .flight.nodes import (
     COMPOSED, FLIGHT_NODES, HALL_CAPTURE, RECORDER, REPLACEABLE, SIMULATOR)
@@ -199,6 +200,7 @@ def _fly_and_report(
 ) -> None:
     """Fly one drone, or several in a hall; print the result of each, and of all."""
     refuse_existing(options.output)
+    domain.check()  # before anything is compiled
     spaces = list(flights)
     composed = _composed(options, flights[spaces[0]].sim_node.mode)
     if os.environ.get(loopback.RANGE) == 'OFF' and not composed:

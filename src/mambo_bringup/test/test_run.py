@@ -115,6 +115,21 @@ def test_nodes_that_may_not_find_each_other_are_refused(monkeypatch, tmp_path, c
     assert 'ROS_AUTOMATIC_DISCOVERY_RANGE=OFF keeps nodes' in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(('name', 'value', 'line', 'code'), [
+    ('FASTRTPS_DEFAULT_PROFILES_FILE', 'missing.xml', 'missing.xml cannot be read', 1),
+    ('ROS_DOMAIN_ID', 'one', "ROS_DOMAIN_ID = 'one' is not a whole number", 2)])
+def test_an_environment_without_a_graph_is_refused_before_anything_is_compiled(
+        monkeypatch, tmp_path, capsys, name, value, line, code):
+    def load(modules):
+        """Import and compile nothing."""
+        raise AssertionError('the nodes were loaded')
+    monkeypatch.setattr(command, 'load', load)
+    monkeypatch.setenv(name, value)
+    assert command.main(['--output', str(tmp_path / 'bag')]) == code
+    assert line in capsys.readouterr().err
+    assert not (tmp_path / 'bag').exists()
+
+
 def test_a_printed_scenario_can_be_flown(capsys, tmp_path):
     assert command.main(['--print-scenario', '-o', str(tmp_path / 'bag')]) == 2
     assert 'leave out -o/--output' in capsys.readouterr().err

@@ -105,9 +105,17 @@ SAME_TURNING = (
                    np.radians([1.0, -1.0, 1.0]))))
 """A gyro and its unit [deg/s], the attitude that goes with it and its factors [rad]: the pitch of
 the firmware is positive with the nose up (``estimator_kalman``, legacy coordinates)."""
-USED = ('w_x', 'w_y', 'w_z', 'a_z', 'r', 'n_x', 'n_y', *MOTORS, 'p_x', 'p_y', 'p_z', 'psi',
+RATES = ('w_x', 'w_y', 'w_z')
+USED = (*RATES, 'a_z', 'r', 'n_x', 'n_y', *MOTORS, 'p_x', 'p_y', 'p_z', 'psi',
         'theta', 'phi', 'v_x', 'v_y', 'v_z', 'p_x_des', 'p_y_des', 'p_z_des')
 MOCAP = ('x', 'y', 'z', 'yaw', 'pitch', 'roll')
+ODOMETRY = ('p_x', 'p_y', 'p_z', 'psi', 'theta', 'phi', 'v_x', 'v_y', 'v_z', *RATES)
+GOAL = ('p_x_des', 'p_y_des', 'p_z_des')
+TOGETHER = (
+    ('imu/data_raw', RATES), ('imu/data_raw', GYRO), ('optical_flow', ('n_x', 'n_y')),
+    ('motor_pwm', MOTORS), ('onboard/odom', ODOMETRY), ('onboard/reference', GOAL))
+"""Topic and its signals, the first of which has the times."""
+FEW = 0.1  # [-] of the samples that may be incomplete without a line
 TOPICS = {
     'imu/data_raw': 'sensor_msgs/msg/Imu', 'sonar/range': 'sensor_msgs/msg/Range',
     'optical_flow': 'mambo_interfaces/msg/OpticalFlow',
@@ -328,6 +336,31 @@ def gyro_offset(log: Log, near: float | None = None) -> Offset:
     return best._replace(sigma=max(best.sigma, apart))
 
 
+def _incomplete(log: Log) -> list[str]:
+    """Return a line for each topic of whose samples many are not there in full."""
+    lines = []
+    for topic, names in TOGETHER:
+        if not log.has(*names) or (names == GYRO and log.has(*RATES)):
+            continue
+        counts = {name: len(log.drone[name][0]) for name in names}
+        most, few = (choose(counts, key=counts.get) for choose in (max, min))
+        lost = counts[most] - _together(log, names)
+        if lost > FEW * counts[most]:
+            lines.append(f'{topic}: {lost} of {counts[most]} samples left out: some of its signals '
+                         f'are missing there ({most} has {counts[most]} samples, {few} '
+                         f'{counts[few]})')
+    if log.has('w_x', 'a_z'):
+        count = len(log.drone['w_x'][0])
+        if (lost := count - _together(log, ('w_x', 'a_z'))) > FEW * count:
+            lines.append(f'imu/data_raw: {lost} of {count} samples have no acceleration')
+    return lines
+
+
+def _together(log: Log, names: tuple[str, ...]) -> int:
+    """Return at how many times of the first signal the others are there."""
+    return int(np.isfinite(log.at(log.drone[names[0]][0], *names)).all(axis=1).sum())
+
+
 def _publish_imu(log: Log, out: Publisher, level: bool) -> None:
     names, unit = ('w_x', 'w_y', 'w_z'), 1.0
     if not log.has(*names):
@@ -392,20 +425,18 @@ def _publish_onboard(log: Log, out: Publisher) -> None:
         for stamp, row in zip(stamps_ns(t).tolist(), pwm):
             if np.isfinite(row).all():
                 out.publish('motor_pwm', stamp, '', pwm=row)
-    pose, velocity = ('p_x', 'p_y', 'p_z', 'psi', 'theta', 'phi'), ('v_x', 'v_y', 'v_z')
-    rates, goal = ('w_x', 'w_y', 'w_z'), ('p_x_des', 'p_y_des', 'p_z_des')
-    if log.has(*pose, *velocity, *rates):
-        t = log.drone['p_x'][0]
-        state = log.at(t, *pose, *velocity, *rates)
+    if log.has(*ODOMETRY):
+        t = log.drone[ODOMETRY[0]][0]
+        state = log.at(t, *ODOMETRY)
         known = np.isfinite(state).all(axis=1)
         t, state = t[known], state[known]
         attitude = _attitude(state[:, 3:6])
         for stamp, row, q in zip(stamps_ns(t).tolist(), state.tolist(), attitude):
             out.publish('onboard/odom', stamp, 'odom',
                         **out.odometry(out.pose(row[:3], q), row[6:9], row[9:]))
-    if log.has(*goal):
-        t = log.drone['p_x_des'][0]
-        for stamp, row in zip(stamps_ns(t).tolist(), _nearest(log, t, goal).tolist()):
+    if log.has(*GOAL):
+        t = log.drone[GOAL[0]][0]
+        for stamp, row in zip(stamps_ns(t).tolist(), _nearest(log, t, GOAL).tolist()):
             if all(map(math.isfinite, row)):
                 out.publish('onboard/reference', stamp, 'odom',
                             pose=out.pose(row, (0.0, 0.0, 0.0, 1.0)))
@@ -611,7 +642,8 @@ def import_crazyflie(
         'repeated_flow': repeated_flow, 'motor_pwm_unit': 'counts, 0 to 65535',
         'mocap_frames_lost': log.lost, 'mocap_poses_impossible': log.impossible,
         'ignored': ', '.join(log.ignored) or 'nothing', **details,
-        **({'beyond_quarter_turn': '; '.join(_left_out(log))} if log.steep else {})})
+        **({'beyond_quarter_turn': '; '.join(_left_out(log))} if log.steep else {}),
+        **({'incomplete': '; '.join(incomplete)} if (incomplete := _incomplete(log)) else {})})
     with BagWriter(target, _parameters(counts_per_radian), record) as writer:
         out = Publisher(writer, TOPICS)
         _publish_imu(log, out, level)
@@ -659,8 +691,8 @@ def main(arguments: list[str] | None = None) -> int:
             options.level, options.repeated_flow)
         notes = [f'{key}: {details[key]}' for key in details if key.startswith(
             ('mocap', 'range', 'accelerometer'))]
-        if steep := details.get('beyond_quarter_turn'):
-            notes += steep.split('; ')
+        for key in ('beyond_quarter_turn', 'incomplete'):
+            notes += details[key].split('; ') if key in details else []
         ignored = [] if details['ignored'] == 'nothing' else details['ignored'].split(', ')
         impossible = int(details['mocap_poses_impossible'])
         if impossible:

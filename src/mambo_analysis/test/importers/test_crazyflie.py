@@ -93,6 +93,25 @@ def test_signals_that_are_not_used_are_named(tmp_path, capsys):
     assert 'not used: pm.vbat\n' in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(('name', 'lines'), [
+    ('w_y', [
+        'imu/data_raw: 1901 of 2000 samples left out: some of its signals are missing there (w_x '
+        'has 2000 samples, w_y 100)',
+        'onboard/odom: 1901 of 2000 samples left out: some of its signals are missing there (p_x '
+        'has 2000 samples, w_y 100)']),
+    ('a_z', ['imu/data_raw: 1901 of 2000 samples have no acceleration']),
+    ('m_3', ['motor_pwm: 1900 of 2000 samples left out: some of its signals are missing there '
+             '(m_4 has 2000 samples, m_3 100)'])])
+def test_a_signal_that_is_shorter_than_those_of_its_topic_is_told(tmp_path, capsys, name, lines):
+    log = flight()
+    signal = log['drone'][f'ae483log.{name}']
+    signal.update(time=signal['time'][:100], data=signal['data'][:100])
+    source = save(tmp_path / 'log.json', log)
+    assert main([str(source), str(tmp_path / 'bag'), '--mocap-offset', 'none']) == 0
+    printed = capsys.readouterr().out.splitlines()
+    assert [line.strip() for line in printed if 'samples' in line] == lines
+
+
 def test_the_packets_of_an_instant_meet_in_one_imu_message(made):
     imu = made['imu/data_raw']
     t = imu.t

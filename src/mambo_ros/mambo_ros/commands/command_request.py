@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 import inspect
+import sys
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point
 from mambo_model import yaml_nodes
 from mambo_model.errors import InputError, JobError
+from mambo_model.schema import shown
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 import yaml
@@ -17,18 +19,22 @@ import yaml
 from . import table
 from ..cdr import SECOND
 
+LONGEST = 2.0**31  # s, of a duration in a message
+
 
 def _request_duration(seconds: float) -> Duration:
     """Return a duration for a request; InputError where there is none."""
-    if not 0.0 <= _number('duration', seconds) < 2.0**31:
-        raise InputError(f'duration = {seconds:g} s must be 0 or more')
+    if not 0.0 <= _number('duration', seconds) < LONGEST:
+        raise InputError(f'duration = {seconds:g} s must be from 0 to {LONGEST:g} s')
     sec, nanosec = divmod(round(seconds * SECOND), SECOND)
     return Duration(sec=sec, nanosec=nanosec)
 
 
 def _number(name: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f'{name} = {value!r} must be a number')
+        raise InputError(f'{name} = {shown(value)} must be a number')
+    if not -sys.float_info.max <= value <= sys.float_info.max:
+        raise InputError(f'{name} = {shown(value)} must be finite')
     return float(value)
 
 

@@ -16,6 +16,9 @@ from rclpy.executors import SingleThreadedExecutor
     ('takeoff', {}, 'takeoff: height is missing; it takes height'),
     ('takeoff', {'heigth': 1.0}, 'takeoff: .*heigth'),
     ('takeoff', {'height': 'x'}, "height = 'x' must be a number"),
+    ('takeoff', {'height': math.nan}, 'takeoff: height = nan must be finite'),
+    ('go_to', {'goal': (1, 2, -math.inf)}, 'go_to: goal = -inf must be finite'),
+    ('follow', {'trajectory': 'x', 'timescale': 10**5000}, 'timescale = .* must be finite'),
     ('go_to', {'goal': (1, 2)}, 'goal = .* must be three numbers'),
     ('go_to', {'goal': 5}, 'goal = 5'), ('go_to', {'goal': '123'}, 'goal = '),
     ('go_to', {'goal': (1, 'a', 2)}, "goal = 'a' must be a"),
@@ -23,7 +26,7 @@ from rclpy.executors import SingleThreadedExecutor
     ('follow', {'trajectory': 5}, 'trajectory = 5 must be the path of a course or its text'),
     ('step', {'steps': 1.5}, 'steps = 1.5 must be a whole number'),
     ('land', {'duration': -1.0}, 'duration = -1 s'), ('land', {'duration': math.nan}, 'duration'),
-    ('land', {'duration': 1e12}, 'duration'), ('step', {'steps': -1}, 'steps = -1'),
+    ('land', {'duration': 1e12}, 'must be from 0 to 2.14748e'), ('step', {'steps': -1}, 'steps = -1'),
     ('set', {'parameters': {'a.b': 1, 'c.d': 2}}, 'of one node'),
     ('set', {'parameters': {'speed': 1}}, 'give NODE.PARAMETER'),
     ('set', {'parameters': {'a.b': {'c': 1}}}, 'set: ')])
