@@ -116,6 +116,7 @@ def thrust_report(flight: Flight) -> result.Report:
         {**flight.facts(), 'a [N]': f'{a:.6g}', 'hover command': hover},
         [f'{flight.unknown}thrust is mass times specific force, over the command and the '
          'voltage of the battery; a holds at the mean voltage and belongs to b',
+         *identify_flight.command_notes(flight.name, hover, flight.vehicle),
          *reading_notes(flight.recorded)],
         {'mass': (mass, 'as given, or of the base'), 'thrust_map': ('power', source),
          'power_a': (a, source), 'power_b': (model.exponent, source),

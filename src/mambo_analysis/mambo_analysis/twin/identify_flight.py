@@ -22,12 +22,13 @@ from scipy import stats
 
 from ..identify import result
 from ..identify.base import Base, based, of_bag
-from ..identify.regression import LEVEL, Value
+from ..identify.regression import IdentifyError, LEVEL, Value
 from .force import BLOCKS, fit_force, Found
 from .moments import fit_moments, Moment
 from .recorded import GRAVITY, read_flight, Recorded
 
 AXES = 'xyz'
+SMALLEST = 1.0  # command at which a vehicle can hover: the maps of vehicle files begin there
 METHOD = f'{result.METHOD}; wider where {BLOCKS} parts of the flight disagree (jackknife)'
 
 
@@ -65,6 +66,26 @@ def hover_command(found: Found) -> Value:
     return Value(float(command), float(command) - half, float(command) + half, 'PWM')
 
 
+def command_notes(name: str, hover: float, base: Vehicle) -> list[str]:
+    """
+    Return a note if a flight hovers at a command that its base cannot be given.
+
+    Raises
+    ------
+    IdentifyError
+        If the commands are in another unit than any vehicle's.
+
+    """
+    if hover < SMALLEST:
+        raise IdentifyError(f'{name}: it hovers at a motor_pwm of {hover:.3g}: a vehicle takes '
+                            'PWM or counts above 1; multiply the commands by their range')
+    if base.pwm_min < hover < base.pwm_max:
+        return []
+    return [f'it hovers at a motor_pwm of {hover:.0f}, and its base takes {base.pwm_min:g} to '
+            f'{base.pwm_max:g}: the vehicle file cannot be flown without other pwm_min and '
+            'pwm_max, or another --base']
+
+
 def drag_parameters(found: Found, source: str) -> dict[str, tuple[Any, str]]:
     """
     Return the drag of a vehicle file with its source; nothing without a horizontal drag.
@@ -86,7 +107,7 @@ def _vehicle(
     found: Found, base: Vehicle, mass: float, hover: float, source: str,
     moments: dict[str, Moment],
 ) -> dict[str, tuple[Any, str]]:
-    """Return the parameters of a vehicle file that the flight determines, with the PWM range."""
+    """Return the parameters of a vehicle file that the flight determines."""
     model, known = found.model, found.shown
     out: dict[str, tuple[Any, str]] = {'mass': (mass, 'as given, or of the base')}
     shown = [None if axis not in moments else moments[axis].value for axis in AXES]
@@ -196,7 +217,7 @@ def identify(
         notes.append('it has optical flow: mambo identify flow gives its factor')
     notes.append(f'per mass; thrust and tilt hold at {found.model.voltage:.2f} V'
                  if np.isfinite(found.model.voltage) else 'no battery voltage in the recording')
-    notes += reading_notes(flight)
+    notes += [*command_notes(path.name, hover.value, start), *reading_notes(flight)]
     angles = np.degrees(flight.mounting[:2])
     facts = {'time in the air [s]': float(flight.t[flight.air][-1] - flight.t[flight.air][0]),
              'mass [kg], not identified': start.mass,

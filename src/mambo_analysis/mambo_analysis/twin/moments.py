@@ -170,9 +170,11 @@ def _moment(
                       f'prediction is {share:.2f}, {LEAST_SHARE:g} are needed')
     wide = np.hypot(gain.half / gain.value, slope)
     if not (gain.value > 0.0 and wide < WIDEST):
+        order = ('; is motor_pwm in the order front left, front right, rear right, rear left?'
+                 if gain.value < gain.half else '')
         return Moment(None, share, 'the angular acceleration over the commands is '
                       f'{plus_minus(gain.value, gain.half)} 1/m, with a thrust map known to '
-                      f'{100.0 * slope:.0f} %; {100.0 * WIDEST:g} % in all are needed')
+                      f'{100.0 * slope:.0f} %; {100.0 * WIDEST:g} % in all are needed{order}')
     middle = lever / gain.value
     return Moment(
         Value(middle, middle / (1.0 + wide), middle / (1.0 - wide), 'kg m^2'), share, '')

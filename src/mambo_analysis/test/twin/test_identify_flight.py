@@ -4,7 +4,9 @@ import json
 
 from flown import bag, flight, SPIN, steered, STRAIGHT, table_of, TRUE
 from mambo_analysis.twin.force import fit_force
-from mambo_analysis.twin.identify_flight import drag_parameters, hover_command, known_lag, main
+from mambo_analysis.identify.regression import IdentifyError
+from mambo_analysis.twin.identify_flight import (
+    command_notes, drag_parameters, hover_command, known_lag, main)
 from mambo_analysis.twin.recorded import GRAVITY
 from mambo_model.vehicle.parameters import load, preset
 import numpy as np
@@ -108,6 +110,17 @@ def test_a_flight_that_its_motors_do_not_turn_keeps_the_inertia_of_the_base(tmp_
     assert 'inertia' not in (tmp_path / 'out' / 'identify_flight.yaml').read_text().replace(
         'inertia is for', '')
     assert load(tmp_path / 'out' / 'identify_flight.yaml').inertia == preset('crazyflie').inertia
+
+
+def test_commands_in_another_unit_than_those_of_the_base_are_told():
+    mambo = preset('identified')  # 10 to 500 PWM
+    assert command_notes('flight', 270.0, mambo) == []
+    assert command_notes('flight', 36000.0, preset('crazyflie')) == []
+    for hover in (5.0, 36000.0):
+        note, = command_notes('flight', hover, mambo)
+        assert note.startswith(f'it hovers at a motor_pwm of {hover:.0f}, and its base takes 10 to')
+    with pytest.raises(IdentifyError, match='flight: it hovers at a motor_pwm of 0.556: a vehicle'):
+        command_notes('flight', 0.556, mambo)
 
 
 def test_the_lag_of_the_inertia_is_given_or_of_the_base_or_of_the_flight():
