@@ -18,6 +18,7 @@ FASTEST_RATE = 4e4  # [Hz] on average; inertial sensors are read at 32 kHz at mo
 WINDOW = 4.0  # [s] over which the integral of a gyro is taken
 TILTS = (0.25, 1.0)  # [rad] RMS that rad/s stays below and deg/s above
 IN_G = (0.8, 1.2)  # median of an acceleration in g
+MOST = 20.0  # [m/s^2] median of the acceleration along z of a flight, upright or not; 9.8 is usual
 NEVER = 5.0  # an acceleration in g stays below it; one in m/s^2 is above it in any upright drone
 QUARTER = 0.5 * np.pi + 0.01  # [rad] largest middle Euler angle, with rounding
 HALF = np.pi + 0.01  # [rad] largest outer one
@@ -103,7 +104,7 @@ def refuse_degrees(
 
 def refuse_g(where: str, upward: Floats, remedy: str = 'give it in m/s^2') -> None:
     """
-    Refuse an acceleration along z, (n,), that is in g instead of m/s^2 throughout.
+    Refuse an acceleration along z, (n,), that is in g, or in a smaller unit than m/s^2.
 
     Raises
     ------
@@ -117,6 +118,9 @@ def refuse_g(where: str, upward: Floats, remedy: str = 'give it in m/s^2') -> No
     if IN_G[0] < usual < IN_G[1] and most < NEVER:
         raise BagError(f'{where}: the accelerometer has a median of z of {usual:.3g}, not 9.8 '
                        f'm/s^2: is it in g? {remedy}')
+    if abs(usual) > MOST:
+        raise BagError(f'{where}: the accelerometer has a median of z of {usual:.4g}, not 9.8 '
+                       f'm/s^2: {remedy}')
 
 
 def refuse_ranges(where: str, ranges: Floats) -> None:

@@ -46,6 +46,9 @@ def test_an_acceleration_in_g_is_refused_and_one_of_a_drone_on_its_side_is_not()
     plausible.refuse_g('log: a_z', np.where(T < 1.0, 9.81, 1.0))  # for the rest of the time
     with pytest.raises(BagError, match='^log: a_z: .* not 9.8 m/s.2: is it in g?'):
         plausible.refuse_g('log: a_z', 1.0 + noise)
+    for unit in (9.81, -9.81, 100.0, 1000.0):  # g twice, of the other sign, cm/s^2, mm/s^2
+        with pytest.raises(BagError, match='^log: a_z: .* not 9.8 m/s.2: give it in m/s.2$'):
+            plausible.refuse_g('log: a_z', unit * 9.81 * (1.0 + noise))
 
 
 def test_ranges_in_millimetres_are_refused_and_the_largest_of_16_bits_are_not():
