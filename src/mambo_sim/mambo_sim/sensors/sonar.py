@@ -49,7 +49,7 @@ class SonarParams(Parameters):
         25.0, 'Hz', 1.0, 200.0, 'new value each 8 steps of 5 ms, median of 12 flights')
     noise: float = quantity(
         0.005, 'm', 0.0, 1.0,
-        'second differences over sqrt(6), robust, of the cleanest flight: 0.0054 m')
+        'second differences over sqrt(6), robust, of the cleanest flight: 0.0047 m')
     offset: float = quantity(0.0, 'm', -1.0, 1.0, 'design choice: reading minus truth')
     resolution: float = quantity(RESOLUTION, 'm', 0.0, 0.1, 'all values of 12 flights; 0: none')
     min_range: float = quantity(
@@ -61,7 +61,7 @@ class SonarParams(Parameters):
         'design choice; outliers of any kind (identify_sensors): 0.011 and 0.021 in the best two '
         'of 8 free flights, 0.12 of all their values, up to 0.25')
     multipath_probability: float = quantity(
-        0.0, '1', 0.0, 1.0, 'design choice; 0.72 of the outliers are late (identify_sensors)')
+        0.0, '1', 0.0, 1.0, 'design choice; 0.71 of the outliers are late (identify_sensors)')
     multipath_excess: float = quantity(
         0.75, '1', 0.0, 5.0, 'median of late outliers in 10 recordings (identify_sensors)')
     dropout_probability: float = quantity(
