@@ -296,6 +296,7 @@ def _print_outcome(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:
     reasons = [outcome.fault] if outcome.fault else []
     if reasons and not outcome.flown:
         return reasons  # nothing to compare: the bag has at most the messages of the start
+    reasons += outcome.dropped
     if no_report:
         reasons += [] if outcome.stopped else ended_early(read_bag(bag, ENDINGS), bool(reasons))
         print(*reasons, sep='\n', end='\n' if reasons else '')

@@ -2,8 +2,10 @@
 
 import re
 import signal
+from types import SimpleNamespace
 
 from mambo_bringup import run as command
+from mambo_bringup.flight import outcome as outcomes
 from mambo_bringup.flight.outcome import Outcome
 from mambo_bringup.processes import FlightError
 from mambo_control.controllers import REGISTRY as CONTROLLERS
@@ -250,3 +252,18 @@ def test_a_bag_that_is_not_closed_is_a_failure_even_if_no_node_complained(tmp_pa
     outcome = Outcome(tmp_path, 0.0, 0.0, 0, '', None, {}, {}, False)
     assert command._print_outcome(outcome, tmp_path, no_report=True) == [
         f'{tmp_path} is not closed']
+
+
+def test_commands_of_the_scenario_that_were_refused_are_a_reason_and_a_failure(
+        tmp_path, monkeypatch, capsys):
+    line = '2 commands of the scenario refused in flight, first go_to at t = 15 s: on the floor'
+    node = SimpleNamespace(lines=[
+        '[WARN] [1.0] [mambo.reference_node]: t = 15.000 s: go_to refused: on the floor',
+        f'[WARN] [2.0] [mambo.reference_node]: {line}', '[INFO] [2.0]: used 1.0 s of CPU'])
+    assert outcomes.dropped([SimpleNamespace(lines=[]), node]) == [line]
+    assert outcomes.dropped([SimpleNamespace(lines=node.lines[:1])]) == []
+    monkeypatch.setattr(command, 'read_bag', lambda *_: None)
+    monkeypatch.setattr(command, 'ended_early', lambda *_: [])
+    outcome = Outcome(tmp_path, 18.0, 1.0, 0, '', None, {}, {}, True, whole=True, dropped=[line])
+    assert command._print_outcome(outcome, tmp_path, no_report=True) == [line]
+    assert line in capsys.readouterr().out

@@ -62,6 +62,7 @@ class ReferenceNode(node.MamboNode[ReferenceNodeParams]):
         self._vehicle = p.vehicle.values()
         self._held = _begin(p)
         self._commander: Commander | None = None
+        self._dropped: list[str] = []  # commands of the script that were refused in flight
         self._reference = self.advertise(topics.REFERENCE)
         self._evaluate(0)  # have the compiled step in memory before time starts
         clock = self.accept(topics.CLOCK, messages.decode_clock, self._on_clock)
@@ -140,7 +141,16 @@ class ReferenceNode(node.MamboNode[ReferenceNodeParams]):
         if self._commander is not None:
             for command, reason in self._commander.advance(t):
                 self._publish_command(command, reason)
+                if reason:
+                    self._dropped.append(
+                        f'{fc.NAMES[command.kind]} at t = {command.t * 1e-9:g} s: {reason}')
         self._reference(messages.reference(t, *self._evaluate(t)))
+
+    def finish(self) -> None:
+        """Say which commands of the scenario were not carried out."""
+        if count := len(self._dropped):
+            self.get_logger().warning(f'{count} command{"s" * (count > 1)} of the scenario refused '
+                                      f'in flight, first {self._dropped[0]}')
 
     def _evaluate(self, t: int) -> tuple[Reference, int]:
         return _step(self._held, t * 1e-9)

@@ -106,6 +106,7 @@ def scenario_of(bag: Path, namespace: str = topics.NAMESPACE) -> Scenario:
         raise InputError(f'{bag}: holds no scenario.yaml: it was not recorded by ./run')
     flight = scenarios.from_yaml(str(text), f'scenario.yaml in {bag}')
     again: dict[str, Any] = recorded_changes.changes_of(found)
+    again['sim_node.paused'] = False  # nobody may be there to go on
     if flight.reference_node.commands.enabled:
         again[f'{_GROUP}.script'] = script.to_text(commands_of(bag, namespace))
     elif not any(again.values()):

@@ -20,6 +20,7 @@ _FLOWN = re.compile(
 _DELAY = re.compile(r'IMU sample to motor command: .*')
 _USED = re.compile(r'used ([\d.]+) s of CPU and (\d+) MB')
 _REFUSED = re.compile(r'\[[\w.]*?(\w+)\]: refused messages: (.+)')
+_DROPPED = re.compile(r'\d+ commands? of the scenario refused in flight, first .*')
 _BEGUN = re.compile(r'flying in \w+ mode$')
 _COLLIDED = re.compile(r'/\S+ and /\S+ collided at t = [\d.]+ s: [\d.]+ m apart')
 _PACED = re.compile(r'flying in realtime mode$')
@@ -48,6 +49,7 @@ class Outcome:
     whole: bool = False  # whether the full duration was flown
     collisions: list[str] = field(default_factory=list)  # in the hall, one line each
     remarks: list[str] = field(default_factory=list)  # of the simulator, one line each
+    dropped: list[str] = field(default_factory=list)  # commands not carried out, one line
 
     @property
     def real_time_factor(self) -> float:
@@ -146,6 +148,12 @@ def refused(nodes: list[NodeProcess]) -> dict[str, str]:
     """Return the last line that each node printed about refused messages, by node."""
     lines = '\n'.join(line for child in nodes for line in child.lines)
     return {found[1]: found[2] for found in _REFUSED.finditer(lines)}
+
+
+def dropped(nodes: list[NodeProcess]) -> list[str]:
+    """Return what the reference printed about commands of the scenario that were refused."""
+    return [found[0] for child in nodes for line in child.lines
+            if (found := _DROPPED.search(line))][-1:]
 
 
 def print_refused(lines: dict[str, str]) -> None:

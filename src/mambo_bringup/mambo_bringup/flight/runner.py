@@ -23,7 +23,7 @@ from .natnet import write as write_natnet
 from .nodes import (
     COMPOSED, HALL_CAPTURE, label, NAMESPACE, RECORDER, recorder_topics, REPLACEABLE,
     run_parameters, start_arguments, take_cameras, VIEW, world_process)
-from .outcome import FlightEndedError, listener, Outcome, Progress, refused, used
+from .outcome import dropped, FlightEndedError, listener, Outcome, Progress, refused, used
 
 _LOADING = 60.0  # s that nodes may take to load, at least
 
@@ -194,4 +194,5 @@ def _outcome(bag: Path, progress: Progress, nodes: list[NodeProcess],
     return Outcome(
         bag, progress.flown, progress.took, progress.missed, progress.delay,
         group.interrupts.first, used(nodes), refused(nodes), closed, fault,
-        whole=progress.flown >= asked, collisions=progress.collisions, remarks=progress.remarks)
+        whole=progress.flown >= asked, collisions=progress.collisions, remarks=progress.remarks,
+        dropped=dropped(nodes))

@@ -28,6 +28,7 @@ from ..drag_feedforward import drag_acceleration, reference_drag_rates
 from ..gains import CascadedParams
 
 STEP = 0.005        # s, between samples: the period of the controller
+PARTS = 16          # in which a piece is sampled at least: a short one would hide between steps
 MOST = 2_000_000    # samples of a course at most
 
 QUANTITIES = {  # column: unit
@@ -91,6 +92,26 @@ def _demand(t, pieces, vv, options, out):
             row[6 + i] = share * pwm_from_thrust(thrust[i], vv)
 
 
+def times(course: Course) -> Array:
+    """
+    Return the times at which a course is checked, (n,) s: every step, ``PARTS`` of each piece.
+
+    Raises
+    ------
+    JobError
+        If there are more than ``MOST``.
+
+    """
+    short = np.flatnonzero(course.duration < PARTS * STEP)
+    count = math.ceil(course.total / STEP)
+    if count + PARTS * len(short) > MOST:
+        raise JobError(f'the course lasts {course.total:.0f} s in {len(course.duration)} pieces, '
+                       f'limit {MOST * STEP:.0f} s')
+    grid = np.append(np.arange(count) * STEP, course.total)
+    parts = course.duration[short, None] * np.arange(PARTS) / PARTS
+    return np.unique(np.append(grid, course.begin[short, None] + parts)) if len(short) else grid
+
+
 def demand(course: Course, vehicle: Vehicle) -> tuple[Array, Array]:
     """
     Return what a course demands of a vehicle.
@@ -104,7 +125,7 @@ def demand(course: Course, vehicle: Vehicle) -> tuple[Array, Array]:
 
     Returns
     -------
-    t : (n,) s of the course, every 5 ms and its end
+    t : (n,) s of the course, of :func:`times`
     columns : (n, 11) of :data:`QUANTITIES`; battery: the
         remaining charge, 100 without a battery
 
@@ -114,10 +135,7 @@ def demand(course: Course, vehicle: Vehicle) -> tuple[Array, Array]:
         If the course is longer than 10 000 s.
 
     """
-    count = math.ceil(course.total / STEP)
-    if count > MOST:
-        raise JobError(f'the course lasts {course.total:.0f} s, limit {MOST * STEP:.0f} s')
-    t = np.append(np.arange(count) * STEP, course.total)
+    t = times(course)
     n, axes, width = course.coefficients.shape
     padded = np.zeros((n, axes, 10))
     padded[:, :, :width] = course.coefficients

@@ -17,8 +17,8 @@ _ROUNDING = 1e-6  # m, m/s, m/s^2
 
 
 def _samples(segment: Segment, polynomials: Array) -> Array:
-    """Return polynomials, (..., k), every control step of a path and at its end, (n, ...)."""
-    t = np.append(np.arange(0.0, segment.duration, demands.STEP), segment.duration)
+    """Return polynomials, (..., k), at the times at which a path is checked, (n, ...)."""
+    t = demands.times(_course([segment]))
     return np.polynomial.polynomial.polyval(t, polynomials.T).T
 
 

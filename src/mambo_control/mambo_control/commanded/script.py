@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 import json
-import math
+import sys
 from typing import Any
 
 from mambo_model.frames import flip_vector
@@ -51,8 +51,10 @@ def at_step(seconds: float) -> int:
 
 def _number(value: Any, where: str) -> float:
     """Return a finite number; ParameterError naming its place."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise ParameterError(f'{where} = {shown(value)} must be a number')
+    if not -sys.float_info.max <= value <= sys.float_info.max:
+        raise ParameterError(f'{where} = {shown(value)} must be finite')
     return float(value)
 
 

@@ -27,6 +27,7 @@ import numpy as np
 
 from ..safety import LARGEST
 from .command_params import CommandParams
+from .demand import STEP
 from .envelope import beyond
 from .maneuvers import (
     at_rest, extrapolated, fly_on, least_duration, move, rest, Segment, SHORTEST, stop)
@@ -102,7 +103,7 @@ def step(
     t = command.t * 1e-9
     state, phase = state_of(timeline, t)
     try:
-        _check(timeline, command, phase, p.longest)
+        _check(timeline, command, phase, p.longest, -state[2, 0] < p.lowest)
         segments, end = _plan(command, state, phase, p, vehicle)
     except (Refused, ParameterError) as error:
         return timeline, str(error)
@@ -148,8 +149,14 @@ def _joined(
         (*timeline.phases[:kept], *phases), begins[-1], command.kind in fc.STREAMED, command.t)
 
 
-def _check(timeline: Timeline, c: FlightCommand, phase: int, longest: float) -> None:
-    """Raise Refused for a command that does not fit the moment, or is none at all."""
+def _check(
+    timeline: Timeline, c: FlightCommand, phase: int, longest: float, low: bool,
+) -> None:
+    """
+    Raise Refused for a command that does not fit the moment, or is none at all.
+
+    ``low`` is whether the reference is below the lowest flight.
+    """
     numbers = (c.duration, c.height, c.yaw, c.yaw_rate, c.timescale, *c.position, *c.velocity,
                *c.acceleration, *c.jerk, *c.snap)
     if not 0 <= c.kind < len(fc.NAMES):
@@ -162,6 +169,8 @@ def _check(timeline: Timeline, c: FlightCommand, phase: int, longest: float) -> 
         raise Refused(f'holds a number above {LARGEST:g}')
     if not 0.0 <= c.duration <= longest:
         raise Refused(f'duration = {c.duration:g} s is outside [0, {longest:g}] s')
+    if 0.0 < c.duration < STEP:
+        raise Refused(f'duration = {c.duration:g} s is shorter than a control step, {STEP:g} s')
     waits = phase == GROUND and c.t * 1e-9 < timeline.until  # for the estimator, to take off
     if waits and c.kind == fc.STOP:
         raise Refused('the vehicle has not taken off yet')
@@ -173,6 +182,8 @@ def _check(timeline: Timeline, c: FlightCommand, phase: int, longest: float) -> 
         raise Refused('the vehicle is on the floor: take off first')
     if c.kind == fc.LAND and phase == LANDING:
         raise Refused('the vehicle is landing already')
+    if c.kind == fc.STOP and phase == LANDING and low:
+        raise Refused('the vehicle is landing and too low to hover')
     if c.kind in fc.STREAMED and (phase != TRACK or (
             not timeline.streamed and c.t * 1e-9 < timeline.until)):
         raise Refused('another command is being carried out, until '
@@ -286,7 +297,15 @@ def _follow(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
 
 
 def _stop(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
-    return lambda longer: stop(state, p, longer), _TRIES
+    def build(longer: float) -> Way:
+        """Return the way to rest; of a take-off that is too low to hover, up to where it may."""
+        way, end = stop(state, p, longer)
+        if max(-state[2, 0], -end[2]) >= p.lowest - _JOINED:
+            return way, end
+        goal = np.array([*end[:2], -p.lowest, end[3]])
+        duration = max(2.0 * SHORTEST, least_duration(state, goal, p))
+        return [move(state, at_rest(goal), longer * duration, TAKEOFF)], goal
+    return build, _TRIES
 
 
 def _velocity(c: FlightCommand, state: Array, p: CommandParams) -> Builder:

@@ -207,6 +207,59 @@ def test_in_flight_what_is_unsafe_is_refused_in_one_line(command, words):
     assert words in refused(flown(UP), command._replace(t=6 * S))
 
 
+def darting(duration):
+    """Return a course that rests for 1 s, goes 1 m ahead and back within a piece, and rests."""
+    rest, dart = np.zeros((2, 4, 8))
+    rest[2, 0] = dart[2, 0] = -1.2
+    dart[0, 3:7] = 64.0 * np.array([1.0, -3.0, 3.0, -1.0]) / duration ** np.arange(3, 7)
+    return uav_trajectories.to_text(
+        Course(np.array([1.0, duration, 1.0]), np.stack((rest, dart, rest))))
+
+
+@pytest.mark.parametrize('duration', [0.005, 0.01, 0.02])
+@pytest.mark.parametrize('command', [
+    FlightCommand(0, fc.LAND), FlightCommand(0, fc.GO_TO, position=(4.0, 0.0, -1.2)),
+    FlightCommand(0, fc.GO_TO, position=(0.0, 0.0, -1.2), yaw=3.0)])
+def test_what_would_happen_between_two_control_steps_is_refused(command, duration):
+    reason = refused(flown(UP), command._replace(t=6 * S, duration=duration))
+    assert reason.startswith(('the path needs', 'the path turns at'))
+
+
+@pytest.mark.parametrize('duration', [0.001, 0.005, 0.05])
+def test_a_piece_of_a_course_that_is_shorter_than_a_step_is_checked(duration):
+    course = FlightCommand(6 * S, fc.FOLLOW, trajectory=darting(duration))
+    assert 'the path needs' in refused(flown(UP), course)
+    assert not tl.step(flown(UP), course._replace(trajectory=darting(8.0)), P, V)[1]
+
+
+@pytest.mark.parametrize('duration', [5e-324, 1e-300, 1e-9, 0.0049])
+@pytest.mark.parametrize('command', [UP, FlightCommand(
+    S, fc.LAND), FlightCommand(S, fc.VELOCITY)])
+def test_a_duration_below_a_control_step_is_refused(recwarn, command, duration):
+    line = tl.initial() if command.kind == fc.TAKEOFF else flown(UP)
+    assert 'is shorter than a control step, 0.005 s' in refused(
+        line, command._replace(t=6 * S, duration=duration))
+    assert not recwarn.list
+
+
+@pytest.mark.parametrize('late', [0, S // 20, S // 2])
+def test_a_stop_of_a_takeoff_hovers_where_the_vehicle_may(late):
+    line = flown(UP, FlightCommand(UP.t + late, fc.STOP))
+    assert tl.state_of(line, UP.t * 1e-9 + late * 1e-9)[1] == TAKEOFF
+    state, phase = tl.state_of(line, 60.0)
+    assert phase == TRACK and -state[2, 0] == pytest.approx(P.lowest) and not state[:, 1:].any()
+
+
+def test_a_landing_that_is_too_low_to_hover_goes_on():
+    """So does one on the floor: a take-off that was given up before it had risen."""
+    line = flown(UP, FlightCommand(6 * S, fc.LAND))
+    low = round((line.until - 0.2) * S)
+    assert 'landing and too low to hover' in refused(line, FlightCommand(low, fc.STOP))
+    line = flown(UP, UP._replace(kind=fc.LAND, height=0.0))
+    assert 'landing and too low' in refused(line, FlightCommand(UP.t + S // 10, fc.STOP))
+    assert tl.state_of(line, line.until)[1] == LANDED
+
+
 def test_commands_that_do_not_fit_the_moment_are_refused():
     line = flown(UP, FlightCommand(6 * S, fc.LAND))
     assert 'landing already' in refused(line, FlightCommand(7 * S, fc.LAND))

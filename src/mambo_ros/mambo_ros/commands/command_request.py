@@ -128,7 +128,7 @@ def prepare(name: str, arguments: Mapping[str, Any]) -> tuple[table.Service, Any
         kind = COMMANDS[name]
     try:
         return kind.service, kind.request(**arguments)
-    except (AssertionError, TypeError, ValueError) as error:
+    except (AssertionError, OverflowError, TypeError, ValueError) as error:
         raise InputError(f'{name}: {error}') from None
 
 
