@@ -71,7 +71,7 @@ from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
-from mambo_signals import gyro_check, height_check, outliers
+from mambo_signals import clock_check, gyro_check, height_check, outliers
 from mambo_signals.derivative import body_rates
 from mambo_signals.resample import interpolate
 from mambo_signals.time_offset import (
@@ -510,19 +510,26 @@ def _refuse_unused(
 
 def _contradictions(log: Log, offset: float) -> list[str]:
     """Return what of the drone contradicts its motion capture with an offset, in words."""
-    times, out = log.mocap[:, 0] + offset, []
+    times, out, moving = log.mocap[:, 0] + offset, [], {}
     if log.has('r'):
         t, r = log.drone['r']
         position = interpolate(t, times, log.mocap[:, 1:4], 2.0 * GAP)
         both = np.isfinite(position).all(axis=1) & (r > 0.0)
         out.append(height_check.other_axis(r[both], position[both]))
+        new = new_samples(r)
+        new = new[r[new] > 0.0]
+        moving['climb rate'] = (*clock_check.climb(t[new], r[new]),
+                                *clock_check.climb(log.mocap[:, 0], log.mocap[:, 3]))
     if log.has('p_x', 'p_y'):
         t = log.drone['p_x'][0]
         rows = np.hstack([log.at(t, 'p_x', 'p_y'),
                           interpolate(t, times, log.mocap[:, 1:3], 2.0 * GAP)])
         rows = rows[np.isfinite(rows).all(axis=1)]
         out.append(plausible.mirrored(rows[:, :2], rows[:, 2:]))
-    if log.has('w_x', 'w_y', 'w_z'):
+    if log.has(*RATES):
+        t, rates = body_rates(log.mocap[:, 0], np.array(_attitude(log.mocap[:, 4:])))
+        moving |= {name: (*log.drone[name], t, rates[:, axis])
+                   for axis, name in enumerate(RATES)}
         t = log.drone['w_x'][0]
         run = _motors_run(log)
         t = t[(t >= run[0]) & (t <= run[1])]
@@ -531,6 +538,7 @@ def _contradictions(log: Log, offset: float) -> list[str]:
                 t, log.at(t, 'w_x', 'w_y', 'w_z'), times, np.array(_attitude(log.mocap[:, 4:]))))
         except AlignError as error:
             out.append(str(error))
+    out.append(clock_check.contradiction(moving, offset))
     return [text for text in out if text]
 
 

@@ -6,7 +6,7 @@ body rates of the tracked attitude with the gyro, the tracked height with the so
 pose with the drone's own. The signal with the smallest standard error gives the offset, if the
 others that determine one agree with it; signals that cannot determine it are listed. One offset
 must hold for the whole flight: it is found again in windows, and clocks that jump or run at
-different rates are refused. All of the flight is copied, and ``optitrack/pose`` of the other is
+different rates are refused (:mod:`mambo_signals.clock_check`, too). All of the flight is copied, and ``optitrack/pose`` of the other is
 added on the flight's clock.
 """
 
@@ -27,7 +27,7 @@ from mambo_bags.recover import declare, extras, in_order, OWN_RECORD
 from mambo_bags.writer import BagWriter, BagWriterError
 from mambo_model.whole_file import refuse_existing
 from mambo_ros import cdr
-from mambo_signals import gyro_check, motion
+from mambo_signals import clock_check, gyro_check, motion
 from mambo_signals.derivative import body_rates
 from mambo_signals.time_offset import (
     AlignError, Floats, LEAST_SWING, most_precise, Offset, offsets, pose_offset, Poses, RANGE_LATE,
@@ -38,6 +38,7 @@ from . import plausible
 
 POSE = 'optitrack/pose'
 LONGEST = 2e9  # [s] of an offset: log times since boot and since 1970
+RATES = ('roll rate', 'pitch rate', 'yaw rate')
 OWN = ('onboard/odom', 'estimate/odom')
 """Poses of the drone itself."""
 LATE = {'height': RANGE_LATE, **dict.fromkeys(OWN, 0.1)}
@@ -89,7 +90,7 @@ def signals(bag: Bag, poses: Poses) -> dict[str, tuple[Floats, Floats, Floats, F
         gyro, q = bag['imu/data_raw'], poses.orientation
         valid = np.isfinite(q).all(axis=1) & (np.abs((q * q).sum(axis=1) - 1.0) < 0.1)
         t, rates = body_rates(poses.t[valid], q[valid])
-        for axis, name in enumerate(('roll rate', 'pitch rate', 'yaw rate')):
+        for axis, name in enumerate(RATES):
             out[name] = (gyro.t, gyro.angular_velocity[:, axis], t, rates[:, axis])
         out['turn rate'] = (gyro.t, np.linalg.norm(gyro.angular_velocity, axis=1),
                             t, np.linalg.norm(rates, axis=1))
@@ -136,6 +137,12 @@ def find_clock(bag: Bag, poses: Poses) -> Clock:
         raise AlignError(
             f'{error}: another flight, or wrong axes of the tracked body (import_motive --nose); '
             'or give --offset SECONDS') from None
+    rates = {name: pairs[name] for name in RATES if name in pairs}
+    if 'height' in found:
+        ta, a, tb, b = pairs['height']
+        rates['climb rate'] = (*clock_check.climb(ta, a), *clock_check.climb(tb, b))
+    if said := clock_check.contradiction(rates, offset.offset):
+        raise AlignError(f'{said}; or give --offset SECONDS')
     sigma = math.hypot(offset.sigma, _drift({name: pairs[name] for name in found if name in pairs
                                              and LATE.get(name) == LATE.get(best)}, found))
     if 'imu/data_raw' in bag:
