@@ -9,6 +9,7 @@ those of a drone in flight are 0.05 to 0.5 rad/s. Seven flights of a Crazyflie u
 
 from __future__ import annotations
 
+from itertools import permutations, product
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +28,8 @@ STEP = 0.01         # s, of the search: below it nothing depends on the clock
 LEAST_SAMPLES = 50  # of both, to compare them
 GAP = 0.1           # s, over which samples are connected
 ALIKE = 0.6         # correlation of three axes together; of real flights 0.75 to 0.99
+SURE = 0.8          # correlation of an axis that tells its unit
+OTHER = (0.7, 0.3)  # mean correlation of the axes of another order, and how much it exceeds theirs
 RIVAL = 1.3         # [-] unexplained variance without lateness over that with it, at least
 
 
@@ -42,6 +45,8 @@ class Turning(NamedTuple):
         At that lateness.
     tracked, gyro : (3,) rad/s
         Standard deviations.
+    cross : (3, 3)
+        Correlation of each axis of the gyro, by row, with each tracked one.
 
     """
 
@@ -49,6 +54,7 @@ class Turning(NamedTuple):
     correlation: Floats
     tracked: Floats
     gyro: Floats
+    cross: Floats
 
 
 def compare(t: Floats, gyro: Floats, times: Floats, q: Floats,
@@ -99,7 +105,8 @@ def _beside(late: float, at: Floats, rates: Floats, t: Floats, gyro: Floats) -> 
         return None
     x, y = rates[both] - rates[both].mean(axis=0), there[both] - there[both].mean(axis=0)
     sx, sy = x.std(axis=0), y.std(axis=0)
-    return Turning(late, np.mean(x * y, axis=0) / np.maximum(sx * sy, 1e-12), sx, sy)
+    cross = y.T @ x / len(x) / np.maximum(np.outer(sy, sx), 1e-12)
+    return Turning(late, np.diag(cross).copy(), sx, sy, cross)
 
 
 def differs(r: float, ratio: float, factor: float) -> bool:
@@ -133,9 +140,33 @@ def other_unit(found: Turning | None) -> float | None:
         return None
     gyro, tracked = (float(np.linalg.norm(x)) for x in (found.gyro, found.tracked))
     r = float(found.correlation @ (found.gyro * found.tracked)) / max(gyro * tracked, 1e-12)
-    if r < ALIKE or not differs(r, gyro / tracked, UNIT):
-        return None
-    return r * gyro / tracked
+    if r >= ALIKE and differs(r, gyro / tracked, UNIT):
+        return r * gyro / tracked
+    for r, tracked, gyro in zip(found.correlation, found.tracked, found.gyro):
+        ratio = gyro / max(tracked, 1e-12)
+        if r >= SURE and max(tracked, gyro) >= TURNING and differs(r, ratio, UNIT):
+            return float(r * ratio)
+    return None
+
+
+def other_axes(found: Turning | None) -> str:
+    """
+    Return in words in which order and sign the axes of a gyro show the tracked turning.
+
+    Empty where they show it as they are, or not. However slow the turning is: in 14 of 15 pairs
+    of real flights the axes have mean correlations of 0.75 to 0.99, and no other order a higher
+    one.
+    """
+    if found is None:
+        return ''
+    mean = {(order, signs): float(np.mean([
+        sign * row[axis] for sign, row, axis in zip(signs, found.cross, order)]))
+        for order in permutations(range(3)) for signs in product((1, -1), repeat=3)}
+    order, signs = best = max(mean, key=lambda one: mean[one])
+    if mean[best] < OTHER[0] or mean[best] < mean[(0, 1, 2), (1, 1, 1)] + OTHER[1]:
+        return ''
+    return 'the gyro shows roll, pitch, yaw as ' + ', '.join(
+        f'{"-" * (signs[row] < 0)}{AXES[row]}' for row in map(order.index, range(3)))
 
 
 def refuse(found: Turning | None) -> None:
@@ -150,7 +181,7 @@ def refuse(found: Turning | None) -> None:
     """
     if found is None:
         return
-    for axis, r, tracked, gyro in zip(AXES, *found[1:]):
+    for axis, r, tracked, gyro in zip(AXES, *found[1:4]):
         if max(tracked, gyro) < TURNING:
             continue
         ratio = gyro / max(tracked, 1e-12)
@@ -167,6 +198,8 @@ def refuse(found: Turning | None) -> None:
         if tracked > TURNING and differs(r, ratio, FACTOR):
             raise AlignError(f'{text}: more than {FACTOR:g} times apart: check unit and range of '
                              'the gyro')
+    if said := other_axes(found):
+        raise AlignError(f'{said} of the tracked attitude: check the axes of both (FLU)')
     gain = other_unit(found)
     if gain is not None:
         raise AlignError(

@@ -49,6 +49,26 @@ def test_another_unit_and_another_axis_are_told(change, message):
         gyro_check.refuse(gyro_check.compare(t, gyro * change, times, q))
 
 
+@pytest.mark.parametrize('size', [0.02, 0.1])
+@pytest.mark.parametrize('order, signs, words', [
+    ([1, 0, 2], [1, 1, 1], 'pitch, roll, yaw'), ([0, 1, 2], [1, -1, 1], 'roll, -pitch, yaw'),
+    ([1, 2, 0], [1, 1, 1], 'yaw, roll, pitch'), ([1, 0, 2], [1, -1, 1], '-pitch, roll, yaw')])
+def test_axes_in_another_order_or_sign_are_named_however_slow(size, order, signs, words):
+    t, gyro, times, q = turning(size=size)
+    found = gyro_check.compare(t, gyro[:, order] * signs, times, q)
+    assert gyro_check.other_axes(found) == f'the gyro shows roll, pitch, yaw as {words}'
+    with pytest.raises(AlignError):
+        gyro_check.refuse(found)
+    assert gyro_check.other_axes(gyro_check.compare(t, gyro, times, q)) == ''
+
+
+def test_one_axis_in_another_unit_is_told():
+    t, gyro, times, q = turning()
+    assert gyro_check.other_unit(gyro_check.compare(t, gyro, times, q)) is None
+    gain = gyro_check.other_unit(gyro_check.compare(t, gyro * [1.0, 1.0, 1.0 / 57.3], times, q))
+    assert gain == pytest.approx(1.0 / 57.3, rel=0.1)
+
+
 def test_what_hardly_turns_shows_nothing_wrong():
     """A hover: what a tracked attitude shows then is its noise."""
     t, gyro, times, q = turning(size=1e-3)

@@ -251,8 +251,12 @@ def _check_unit(path: Path, log: Log) -> None:
     times, t = log.drone[gyro[0]][0], log.drone[attitude[0]][0]
     rates, angles = math.radians(unit) * log.at(times, *gyro), log.at(t, *attitude) * scale
     known = np.isfinite(angles).all(axis=1)
-    gain = gyro_check.other_unit(gyro_check.compare(
-        times, rates, t[known], np.array(_attitude(angles[known])).reshape(-1, 4)))
+    turning = gyro_check.compare(
+        times, rates, t[known], np.array(_attitude(angles[known])).reshape(-1, 4))
+    if said := gyro_check.other_axes(turning):
+        raise BagError(f'{path}: {", ".join(gyro)}: {said} of the attitude {", ".join(attitude)}: '
+                       'check names and signs')
+    gain = gyro_check.other_unit(turning)
     if gain is not None:
         names = 'rad/s, and these in rad' if unit != 1.0 else 'deg/s, and these in deg'
         raise BagError(

@@ -370,6 +370,32 @@ def test_a_gyro_in_another_unit_than_the_attitude_is_refused(tmp_path, capsys, g
     refuse(save(tmp_path / 'log.json', log), tmp_path, capsys, text)
 
 
+@pytest.mark.parametrize('captured', [True, False])
+def test_a_gyro_with_swapped_axes_is_refused(tmp_path, capsys, captured):
+    log = turning()
+    drone = log['drone']
+    t = np.array(drone['ae483log.psi']['time'])
+    angles = 0.02 * np.column_stack([np.sin(0.8 * t), np.sin(1.3 * t), np.sin(2.1 * t)])  # slow
+    turns = Rotation.from_euler('ZYX', angles)
+    rates = (turns[:-1].inv() * turns[1:]).as_rotvec() / 0.01
+    for name, values in zip(('psi', 'theta', 'phi'), angles.T):
+        drone[f'ae483log.{name}']['data'] = values.tolist()
+    at = np.array(log['mocap']['time']) + OFFSET
+    log['mocap'].update({name: np.interp(at, t, values).tolist() for name, values in zip(
+        ('yaw', 'pitch', 'roll'), angles.T)})
+    if not captured:
+        del log['mocap']
+    for name, source in (('w_x', 1), ('w_y', 0), ('w_z', 2)):
+        entry = drone[f'ae483log.{name}']
+        entry['data'] = np.interp(entry['time'], t[:-1] + 0.005, rates[:, source]).tolist()
+    if captured:  # the drone's own attitude is swapped, too
+        drone['ae483log.theta'], drone['ae483log.phi'] = (
+            drone['ae483log.phi'], drone['ae483log.theta'])
+    refuse(save(tmp_path / 'log.json', log), tmp_path, capsys,
+           'the gyro shows roll, pitch, yaw as pitch, roll, yaw of the ' + (
+               'tracked attitude' if captured else 'attitude psi, theta, phi'))
+
+
 @pytest.mark.parametrize('unit, wrong', [(1.0, False), (57.3, True), (1.0 / 57.3, True)])
 def test_the_gyro_of_the_firmware_is_held_to_its_attitude(tmp_path, capsys, unit, wrong):
     """Both in deg, and the pitch is positive with the nose up."""
