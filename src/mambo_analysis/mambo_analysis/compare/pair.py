@@ -372,7 +372,8 @@ def left_out(motions: Collection[Motion]) -> list[str]:
 def _contradictions(a: Motion, b: Motion) -> list[str]:
     """Return lines on a motion capture, b, that contradicts the drone's own path."""
     paths = plausible.common_path(a, b)
-    return [said for said in (plausible.mirrored(*paths), plausible.other_scale(*paths)) if said]
+    return [said for said in (plausible.upside_down(a, b), plausible.mirrored(*paths),
+                              plausible.other_scale(*paths)) if said]
 
 
 def _between(

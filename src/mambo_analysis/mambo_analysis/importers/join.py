@@ -269,12 +269,12 @@ def _check_path(path: Path, own: motion.Motion, tracked: motion.Motion, shift: i
     Raises
     ------
     BagError
-        If the capture shows the path mirrored.
+        If the capture shows the path mirrored or upside down.
 
     """
-    paths = plausible.common_path(
-        own, dataclasses.replace(tracked, stamps=tracked.stamps + shift))
-    if said := plausible.mirrored(*paths):
+    there = dataclasses.replace(tracked, stamps=tracked.stamps + shift)
+    paths = plausible.common_path(own, there)
+    if said := plausible.upside_down(own, there) or plausible.mirrored(*paths):
         raise BagError(f'{path}: {said}: import it with the right axes')
     said = plausible.other_scale(*paths)
     return f'warning: {path}: {said}\n' if said else ''

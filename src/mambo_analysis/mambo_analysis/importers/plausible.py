@@ -37,6 +37,7 @@ accelerometer 9.3 to 10.2, sonar 0.44 to 1.2, battery of one cell 3.5 to 4.2, co
 and flow up to 4.5 (99 %)."""
 NOISY = ('sonar', 'pressure')  # which never rest
 SAME_RATE = (0.6, 3.0)  # correlation of gyro and onboard rate, and their factor
+UPSIDE_DOWN = -0.8  # correlation of the heights
 MIRRORED = (0.8, 0.3)  # explained shares of a path, by its mirror image and by itself
 SAME_SCALE = (0.8, 1.25, 0.8)  # factor of two paths, and the explained share from which it counts
 
@@ -240,6 +241,20 @@ def common_path(own: Motion, tracked: Motion) -> tuple[Floats, Floats]:
     there = tracked.values(own.stamps, tracked.position)
     both = np.isfinite(there).all(axis=1) & np.isfinite(own.position).all(axis=1)
     return own.position[both, :2], there[both, :2]
+
+
+def upside_down(own: Motion, tracked: Motion) -> str | None:
+    """Return in words that a capture of a drone's motion falls where the drone rises."""
+    there = tracked.values(own.stamps, tracked.position)
+    both = np.isfinite(there).all(axis=1) & np.isfinite(own.position).all(axis=1)
+    if both.sum() < LEAST_ROWS:
+        return None
+    ours, theirs = own.position[both, 2], there[both, 2]
+    if min(ours.std(), theirs.std()) < LEAST_CHANGE:
+        return None
+    r = float(np.corrcoef(ours, theirs)[0, 1])
+    return None if r > UPSIDE_DOWN else (
+        f'the motion capture falls where the drone rises (correlation of the heights {r:.2f})')
 
 
 def mirrored(path: Floats, position: Floats) -> str | None:

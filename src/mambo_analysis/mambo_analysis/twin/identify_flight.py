@@ -28,6 +28,7 @@ from .moments import fit_moments, Moment
 from .recorded import GRAVITY, read_flight, Recorded
 
 AXES = 'xyz'
+USUAL_BIAS = 0.8  # m/s^2, of the accelerometer along z: MPU-6000, at most
 SMALLEST = 1.0  # command at which a vehicle can hover: the maps of vehicle files begin there
 METHOD = f'{result.METHOD}; wider where {BLOCKS} parts of the flight disagree (jackknife)'
 
@@ -132,6 +133,10 @@ def reading_notes(flight: Recorded) -> list[str]:
         lines.append(
             f'{flight.name}: the poses are {abs(flight.late):.2f} s '
             f'{"late" if flight.late > 0.0 else "early"} against the gyro, and were moved by it')
+    if abs(flight.bias) > USUAL_BIAS:
+        lines.append(f'{flight.name}: the accelerometer is {flight.bias:+.2g} m/s^2 off along z, '
+                     f'usual are {USUAL_BIAS:g} at most: check its scale, as drag and thrust have '
+                     'its error')
     if not flight.has_ground:
         lines.append(f'{flight.name}: it begins and ends in the air: all of it is taken as '
                      'flight, also where it is near the floor')

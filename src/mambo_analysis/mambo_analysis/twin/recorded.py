@@ -34,6 +34,7 @@ STEP = 0.01            # s, of the grid
 _READ = ('imu/data_raw', 'motor_pwm', *motion.TRUTH)
 REFERENCE, ESTIMATE = 'onboard/reference', 'onboard/odom'
 GAP = 0.1              # s, over which samples are connected
+LEAST_VOLTS = 1.0      # V, of a battery that was measured
 LEAST_REST = 1.0       # s before take-off that show biases and noise
 STILL_SPEED = 0.03     # m/s, of a vehicle at rest, not carried around
 STILL_RATE = 0.1       # rad/s
@@ -250,6 +251,7 @@ def _grid(bag: Bag, path: motion.Motion) -> dict[str, Floats]:
     voltage = np.full(len(t), np.nan)
     if 'battery' in bag and len(bag['battery']):
         voltage = at(bag['battery'].t, bag['battery'].voltage[:, None].astype(float))[:, 0]
+        voltage[voltage < LEAST_VOLTS] = np.nan  # not measured
     return {'t': t, 'position': position, 'velocity': velocity,
             'attitude': q / np.linalg.norm(q, axis=1, keepdims=True),
             'force': at(imu.t, imu.acceleration), 'gyro': at(imu.t, imu.angular_velocity),

@@ -355,6 +355,13 @@ def test_a_mirrored_capture_is_refused(change):
     assert join._check_path(Path('take'), own, larger, 5_000_000_000) == (
         'warning: take: the path in the motion capture is 1.5 times as large as the one that the '
         'drone estimates: its unit, or the scale of the optical flow, is wrong\n')
+    climb = path + np.outer(np.sin(0.8 * t), [0.0, 0.0, 0.3])
+    rising = dataclasses.replace(own, position=climb + [3.0, 1.0, 0.0])
+    assert join._check_path(Path('take'), rising, dataclasses.replace(
+        seen, position=climb), 5_000_000_000) == ''
+    with pytest.raises(BagError, match='take: the motion capture falls where the drone rises'):
+        join._check_path(Path('take'), rising, dataclasses.replace(
+            seen, position=climb * [1.0, 1.0, -1.0]), 5_000_000_000)
     seen = dataclasses.replace(seen, position=path * change if change else path[:, [1, 0, 2]])
     with pytest.raises(BagError, match='take: the motion capture shows the mirror image .* axes'):
         join._check_path(Path('take'), own, seen, 5_000_000_000)

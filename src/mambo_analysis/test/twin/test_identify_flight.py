@@ -6,7 +6,7 @@ from flown import bag, flight, SPIN, steered, STRAIGHT, table_of, TRUE
 from mambo_analysis.twin.force import fit_force
 from mambo_analysis.identify.regression import IdentifyError
 from mambo_analysis.twin.identify_flight import (
-    command_notes, drag_parameters, hover_command, known_lag, main)
+    command_notes, drag_parameters, hover_command, known_lag, main, reading_notes)
 from mambo_analysis.twin.recorded import GRAVITY
 from mambo_model.vehicle.parameters import load, preset
 import numpy as np
@@ -121,6 +121,12 @@ def test_commands_in_another_unit_than_those_of_the_base_are_told():
         assert note.startswith(f'it hovers at a motor_pwm of {hover:.0f}, and its base takes 10 to')
     with pytest.raises(IdentifyError, match='flight: it hovers at a motor_pwm of 0.556: a vehicle'):
         command_notes('flight', 0.556, mambo)
+
+
+@pytest.mark.parametrize(('bias', 'told'), [(0.5, False), (1.99, True), (-1.2, True)])
+def test_an_accelerometer_of_another_scale_is_told(bias, told):
+    notes = reading_notes(flight(0)._replace(bias=bias))
+    assert any(f'is {bias:+.2g} m/s^2 off along z' in line for line in notes) == told
 
 
 def test_the_lag_of_the_inertia_is_given_or_of_the_base_or_of_the_flight():
