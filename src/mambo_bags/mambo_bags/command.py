@@ -381,6 +381,8 @@ def guard(name: str, work: Callable[[], None]) -> int:
         return _lost_output(name, plain, error.args[0])
     except OSError as error:
         reason, place = error.strerror or str(error), error.filename or _full(error)
+        if error.errno in (errno.EMFILE, errno.ENFILE):
+            reason += ': this shell allows too few (ulimit -n)'
         return _complain(name, f'{place}: {reason}' if place else reason,
                          2 if is_wrong_path(error) else 1)
     except MamboError as error:

@@ -163,7 +163,9 @@ class Messages:
             self._decode()
             if not _FIELD.fullmatch(path):
                 raise FieldError(f'{self.topic} ({self.type_name}) has no field {path!r}')
-            self._cache[path] = self._field(path)
+            found = self._field(path)
+            found.flags.writeable = False  # others are given the same numbers
+            self._cache[path] = found
         return self._cache[path]
 
     def _field(self, path: str) -> NDArray[Any]:

@@ -51,6 +51,8 @@ def test_a_reader_that_goes_is_no_word_worth():
 @pytest.mark.parametrize('error, code, message', [
     (OSError(28, 'No space left on device', '/disk/bag'), 1, '/disk/bag: No space left on device'),
     (OSError(28, 'No space left on device'), 1, 'No space left on device'),
+    (OSError(24, 'Too many open files'), 1,
+     'Too many open files: this shell allows too few (ulimit -n)'),
     (OSError(36, 'File name too long', 'x' * 9000), 2, 'File name too long'),
     (FileNotFoundError(2, 'No such file or directory', 'x'), 2, 'x: No such file'),
     (np.linalg.LinAlgError('SVD'), 2, 'the numbers are too extreme to compute with (SVD)'),

@@ -149,8 +149,8 @@ class ReferenceNode(node.MamboNode[ReferenceNodeParams]):
     def finish(self) -> None:
         """Say which commands of the scenario were not carried out."""
         if count := len(self._dropped):
-            self.get_logger().warning(f'{count} command{"s" * (count > 1)} of the scenario refused '
-                                      f'in flight, first {self._dropped[0]}')
+            self.get_logger().warning(f'{count} command{"s" * (count > 1)} of the scenario '
+                                      f'refused in flight, first {self._dropped[0]}')
 
     def _evaluate(self, t: int) -> tuple[Reference, int]:
         return _step(self._held, t * 1e-9)

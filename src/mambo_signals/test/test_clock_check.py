@@ -54,6 +54,34 @@ def test_rest_and_signals_that_do_not_belong_together_say_nothing():
     assert clock_check.contradiction({'roll rate': (T[:300], T[:300], T, T)}, 0.0) == ''
 
 
+def test_a_vote_says_when_and_by_how_much():
+    """The lag is to be added to the offset: the capture's clock is 1.5 s ahead after the jump."""
+    t, a, clock, b = pairs(1.5)['roll rate']
+    found = list(clock_check.votes(t, a, clock, b, 0.0))
+    before = [vote for vote in found if vote.t < 28.0]
+    after = [vote for vote in found if vote.t > 34.0]
+    assert len(before) >= 5 and all(vote.lag == 0.0 for vote in before)
+    assert len(after) >= 4 and all(abs(vote.lag + 1.5) < 0.02 for vote in after)
+    assert all(vote.there > 0.95 > 0.5 > vote.here for vote in after)
+
+
+@pytest.mark.parametrize('rate', [0.97, 0.98, 1.02, 1.03])
+def test_clocks_that_run_differently_are_told(rate):
+    """The offset fits the middle; the beginning and the end show others."""
+    one = {name: (t, a, s * rate, b) for name, (t, a, s, b) in pairs().items()}
+    assert 'run differently' in clock_check.contradiction(one, 30.0 * (1.0 - rate))
+
+
+@pytest.mark.parametrize('offset', [0.0, 0.04])
+def test_a_motion_that_repeats_fits_at_each_period(offset):
+    """A circle: a whole period beside the offset fits as well, and is no contradiction."""
+    one = {}
+    for name, phase in (('roll rate', 0.0), ('pitch rate', 1.5)):
+        true = np.sin(2.5 * T + phase) + 0.05 * np.random.default_rng(1).standard_normal(len(T))
+        one[name] = (T, true, T, np.sin(2.5 * T + phase))
+    assert clock_check.contradiction(one, offset) == ''
+
+
 def test_a_ramp_fits_every_offset_and_shows_none():
     one = pairs(names=('roll rate',))
     ramp = {'yaw rate': (T, 0.1 * T, T, np.where(T < 20.0, 0.1 * T, 8.0 - 0.1 * T))}

@@ -115,6 +115,9 @@ TOGETHER = (
     ('imu/data_raw', RATES), ('imu/data_raw', GYRO), ('optical_flow', ('n_x', 'n_y')),
     ('motor_pwm', MOTORS), ('onboard/odom', ODOMETRY), ('onboard/reference', GOAL))
 """Topic and its signals, the first of which has the times."""
+UNIT = 5.0  # [-] between the path of the position and that of the velocity; 0.6 to 1.9 were seen
+LEAST_PATH = 0.5  # [m] that tells a unit
+LEAST_PWM = 1000.0  # of the largest command; in every flight one is 65410 or more
 FEW = 0.1  # [-] of the samples that may be incomplete without a line
 TOPICS = {
     'imu/data_raw': 'sensor_msgs/msg/Imu', 'sonar/range': 'sensor_msgs/msg/Range',
@@ -238,6 +241,13 @@ def _check(path: Path, log: Log) -> None:
     _check_unit(path, log)
     if log.has('a_z'):
         plausible.refuse_g(f'{path}: a_z', log.drone['a_z'][1])
+        if (usual := float(np.median(log.drone['a_z'][1]))) < -plausible.NEVER:
+            raise BagError(f'{path}: a_z has a median of {usual:.4g} m/s^2: it is along z up, '
+                           'where it reads +9.8 at rest: turn its sign')
+    if log.has(*MOTORS):
+        times = log.drone[MOTORS[0]][0]
+        commands = log.at(times, *MOTORS)
+        plausible.refuse_commands(f'{path}: {", ".join(MOTORS)}', commands)
     if log.has('r'):
         plausible.refuse_ranges(f'{path}: r', log.drone['r'][1])
 
@@ -344,19 +354,54 @@ def _incomplete(log: Log) -> list[str]:
     """Return a line for each topic of whose samples many are not there in full."""
     lines = []
     for topic, names in TOGETHER:
-        if not log.has(*names) or (names == GYRO and log.has(*RATES)):
+        missing = [name for name in names if not log.has(name)]
+        if missing and not all(name in RATES for name in names if log.has(name)):
+            lines.append(f'{topic}: none, as the log has no values of {", ".join(missing)}')
+        if missing or (names == GYRO and log.has(*RATES)):
             continue
         counts = {name: len(log.drone[name][0]) for name in names}
         most, few = (choose(counts, key=counts.get) for choose in (max, min))
         lost = counts[most] - _together(log, names)
         if lost > FEW * counts[most]:
-            lines.append(f'{topic}: {lost} of {counts[most]} samples left out: some of its signals '
-                         f'are missing there ({most} has {counts[most]} samples, {few} '
+            lines.append(f'{topic}: {lost} of {counts[most]} samples left out: some of its '
+                         f'signals are missing there ({most} has {counts[most]} samples, {few} '
                          f'{counts[few]})')
     if log.has('w_x', 'a_z'):
         count = len(log.drone['w_x'][0])
         if (lost := count - _together(log, ('w_x', 'a_z'))) > FEW * count:
             lines.append(f'imu/data_raw: {lost} of {count} samples have no acceleration')
+    return lines
+
+
+def _unusual(log: Log, offset: float | None) -> list[str]:
+    """Return a line for each signal of a log that is in another unit than the course's."""
+    lines = []
+    if log.has(*MOTORS) and (most := max(log.drone[name][1].max() for name in MOTORS)) < LEAST_PWM:
+        lines.append(f'motor_pwm: the commands are up to {most:.4g}, not up to 65535: check their '
+                     'unit before you use them')
+    if log.has('n_x', 'n_y'):
+        most = max(np.percentile(np.abs(log.drone[name][1]), 99.0) for name in ('n_x', 'n_y'))
+        if most < 1.0:
+            lines.append(f'optical_flow: n_x and n_y are up to {most:.4g}, not whole counts: '
+                         'check their unit before you use them')
+    if log.has(*ODOMETRY):
+        t = log.drone['p_x'][0]
+        state = log.at(t, *ODOMETRY)
+        t, state = (x[np.isfinite(state).all(axis=1)] for x in (t, state))
+        if len(t) > 2:
+            moved = np.abs(np.diff(state[:, :3], axis=0)).sum(axis=1)
+            fast = np.abs(state[1:, 6:9]).sum(axis=1) * np.diff(t)
+            path, flown = (float(np.sum(x[x <= np.percentile(x, 90.0)])) for x in (moved, fast))
+            if max(path, flown) > LEAST_PATH and not flown / UNIT < path < flown * UNIT:
+                lines.append(f'onboard/odom: the position moves {path:.3g} m where the velocity '
+                             f'says {flown:.3g} m: check the units of p_x and v_x')
+    if offset is not None and log.has('p_x', 'p_y'):
+        t = log.drone['p_x'][0]
+        rows = np.hstack([log.at(t, 'p_x', 'p_y'), interpolate(
+            t, log.mocap[:, 0] + offset, log.mocap[:, 1:3], 2.0 * GAP)])
+        rows = rows[np.isfinite(rows).all(axis=1)]
+        if said := plausible.other_scale(rows[:, :2], rows[:, 2:]):
+            lines.append(f'optitrack/pose: {said}')
     return lines
 
 
@@ -655,7 +700,8 @@ def import_crazyflie(
         'mocap_frames_lost': log.lost, 'mocap_poses_impossible': log.impossible,
         'ignored': ', '.join(log.ignored) or 'nothing', **details,
         **({'beyond_quarter_turn': '; '.join(_left_out(log))} if log.steep else {}),
-        **({'incomplete': '; '.join(incomplete)} if (incomplete := _incomplete(log)) else {})})
+        **{key: '; '.join(lines) for key, lines in (
+            ('incomplete', _incomplete(log)), ('unusual', _unusual(log, offset))) if lines}})
     with BagWriter(target, _parameters(counts_per_radian), record) as writer:
         out = Publisher(writer, TOPICS)
         _publish_imu(log, out, level)
@@ -703,7 +749,7 @@ def main(arguments: list[str] | None = None) -> int:
             options.level, options.repeated_flow)
         notes = [f'{key}: {details[key]}' for key in details if key.startswith(
             ('mocap', 'range', 'accelerometer'))]
-        for key in ('beyond_quarter_turn', 'incomplete'):
+        for key in ('beyond_quarter_turn', 'incomplete', 'unusual'):
             notes += details[key].split('; ') if key in details else []
         ignored = [] if details['ignored'] == 'nothing' else details['ignored'].split(', ')
         impossible = int(details['mocap_poses_impossible'])

@@ -6,8 +6,8 @@ body rates of the tracked attitude with the gyro, the tracked height with the so
 pose with the drone's own. The signal with the smallest standard error gives the offset, if the
 others that determine one agree with it; signals that cannot determine it are listed. One offset
 must hold for the whole flight: it is found again in windows, and clocks that jump or run at
-different rates are refused (:mod:`mambo_signals.clock_check`, too). All of the flight is copied, and ``optitrack/pose`` of the other is
-added on the flight's clock.
+different rates are refused (:mod:`mambo_signals.clock_check`, too). All of the flight is copied,
+and ``optitrack/pose`` of the other is added on the flight's clock.
 """
 
 from __future__ import annotations

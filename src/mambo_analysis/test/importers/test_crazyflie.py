@@ -112,6 +112,46 @@ def test_a_signal_that_is_shorter_than_those_of_its_topic_is_told(tmp_path, caps
     assert [line.strip() for line in printed if 'samples' in line] == lines
 
 
+@pytest.mark.parametrize(('name', 'topic'), [
+    ('v_z', 'onboard/odom'), ('m_1', 'motor_pwm'), ('n_y', 'optical_flow'),
+    ('p_y_des', 'onboard/reference')])
+def test_a_signal_that_is_missing_is_named_with_its_topic(tmp_path, capsys, name, topic):
+    log = flight()
+    del log['drone'][f'ae483log.{name}']
+    source = save(tmp_path / 'log.json', log)
+    assert main([str(source), str(tmp_path / 'bag'), '--mocap-offset', 'none']) == 0
+    assert f'{topic}: none, as the log has no values of {name}\n' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(('names', 'factor', 'text'), [
+    (('m_1', 'm_2', 'm_3', 'm_4'), 1.0 / 65535.0, 'the commands are up to 0.61'),
+    (('n_x', 'n_y'), 1.0 / 409.0, 'n_x and n_y are up to 0.03178, not whole counts'),
+    (('p_x', 'p_y', 'p_z'), 1000.0, 'check the units of p_x and v_x'),
+    (('v_x', 'v_y', 'v_z'), 1000.0, 'check the units of p_x and v_x')])
+def test_signals_of_the_drone_in_another_unit_are_told(tmp_path, capsys, names, factor, text):
+    log, drone = flight(), 'ae483log.'
+    for name, position in (('v_x', 'p_x'), ('v_y', 'p_y'), ('v_z', 'p_z')):
+        t, p = (np.array(log['drone'][drone + position][key]) for key in ('time', 'data'))
+        log['drone'][drone + name]['data'] = np.gradient(p, t).tolist()
+    for wrong in (False, True):
+        for name in names if wrong else ():
+            entry = log['drone'][drone + name]
+            entry['data'] = (factor * np.array(entry['data'])).tolist()
+        source = save(tmp_path / 'log.json', log)
+        assert main([str(source), str(tmp_path / f'{wrong}'), '--mocap-offset', 'none']) == 0
+        assert (text in capsys.readouterr().out) == wrong
+
+
+@pytest.mark.parametrize(('name', 'text'), [
+    ('a_z', 'a_z has a median of -9.81 m/s^2: it is along z up'),
+    ('m_2', 'give commands of motors that push')])
+def test_signs_that_cannot_be_are_refused(tmp_path, capsys, name, text):
+    log = flight()
+    entry = log['drone'][f'ae483log.{name}']
+    entry['data'] = (-np.array(entry['data'])).tolist()
+    refuse(save(tmp_path / 'log.json', log), tmp_path, capsys, text)
+
+
 def test_the_packets_of_an_instant_meet_in_one_imu_message(made):
     imu = made['imu/data_raw']
     t = imu.t

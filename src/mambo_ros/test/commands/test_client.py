@@ -26,7 +26,8 @@ from rclpy.executors import SingleThreadedExecutor
     ('follow', {'trajectory': 5}, 'trajectory = 5 must be the path of a course or its text'),
     ('step', {'steps': 1.5}, 'steps = 1.5 must be a whole number'),
     ('land', {'duration': -1.0}, 'duration = -1 s'), ('land', {'duration': math.nan}, 'duration'),
-    ('land', {'duration': 1e12}, 'must be from 0 to 2.14748e'), ('step', {'steps': -1}, 'steps = -1'),
+    ('land', {'duration': 1e12}, 'must be from 0 to 2.14748e'),
+    ('step', {'steps': -1}, 'steps = -1'),
     ('set', {'parameters': {'a.b': 1, 'c.d': 2}}, 'of one node'),
     ('set', {'parameters': {'speed': 1}}, 'give NODE.PARAMETER'),
     ('set', {'parameters': {'a.b': {'c': 1}}}, 'set: ')])
