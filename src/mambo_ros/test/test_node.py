@@ -517,6 +517,16 @@ def test_a_wrong_parameter_ends_a_node_with_one_line(tmp_path, arguments, compla
     assert out == ''
 
 
+@pytest.mark.parametrize('content', [b'', b'hello\n', b'probe:\n  gain: 1.0\n', b'\xff\xfe\x00'])
+def test_a_file_without_parameters_ends_a_node_with_one_line(tmp_path, content):
+    (tmp_path / 'cut.yaml').write_bytes(content)
+    process = start(tmp_path, '--params-file', str(tmp_path / 'cut.yaml'))
+    out, err = process.communicate(timeout=PATIENCE)
+    assert (process.returncode, out) == (2, '')
+    assert err == (f'probe: {tmp_path}/cut.yaml: no parameters in it: a section NODE: '
+                   'ros__parameters: is needed\n')
+
+
 @pytest.mark.long
 def test_an_error_in_a_node_is_not_reported_as_a_wrong_parameter(tmp_path):
     process = start(tmp_path)

@@ -10,7 +10,7 @@ import sys
 import traceback
 from typing import TYPE_CHECKING
 
-from mambo_model.errors import JobError, MamboError
+from mambo_model.errors import InputError, JobError, MamboError
 import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 _REFUSALS = (MamboError, FileNotFoundError, FileExistsError, ParameterException,
              _rclpy.RCLError, _rclpy.UnknownROSArgsError)
 
+KEY = b'ros__parameters'
+_LARGEST = 10_000_000  # bytes of a parameter file that are looked at
+
 
 def _line(error: BaseException) -> str:
     """Return the message of an error as one line, without locations in the sources of ROS."""
@@ -31,8 +34,19 @@ def _line(error: BaseException) -> str:
     return text
 
 
+def _refuse_without_parameters(args: list[str]) -> None:
+    """Raise InputError for a parameter file without any, which ROS takes without a word."""
+    for flag, path in zip(args, args[1:]):
+        if flag == '--params-file':
+            with suppress(OSError), open(path, 'rb') as file:  # ROS says what cannot be read
+                if KEY not in file.read(_LARGEST):
+                    raise InputError(f'{path}: no parameters in it: a section NODE: '
+                                     f'{KEY.decode()}: is needed')
+
+
 def init(args: list[str] | None) -> None:
     """Start ROS. JobError if it cannot write its log, or gets no thread."""
+    _refuse_without_parameters(sys.argv[1:] if args is None else args)
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
