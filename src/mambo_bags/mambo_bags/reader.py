@@ -57,7 +57,8 @@ class Messages:
 
     ``messages['pose.pose.position']`` is a field by its dotted path: (n,) for a number, (n, k)
     for an array or a message of k numbers (a quaternion is x y z w, as on the wire). The same as
-    attribute, with the short names of ``SHORT_NAMES``: ``messages.position``.
+    attribute, with the short names of ``SHORT_NAMES``: ``messages.position``. An array is kept and
+    handed out again: copy it before you change it.
 
     Attributes
     ----------
@@ -163,9 +164,7 @@ class Messages:
             self._decode()
             if not _FIELD.fullmatch(path):
                 raise FieldError(f'{self.topic} ({self.type_name}) has no field {path!r}')
-            found = self._field(path)
-            found.flags.writeable = False  # others are given the same numbers
-            self._cache[path] = found
+            self._cache[path] = self._field(path)
         return self._cache[path]
 
     def _field(self, path: str) -> NDArray[Any]:

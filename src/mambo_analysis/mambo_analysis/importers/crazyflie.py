@@ -49,9 +49,10 @@ Motion capture
     is there one where the tracker flips the body (:mod:`mambo_signals.outliers`).
 
 Contradictions
-    A gyro that turns as the drone's own attitude says, but five times as much or more, or less, is
-    refused; so is a motion capture that turns otherwise than the gyro
-    (:mod:`mambo_signals.gyro_check`), whose height is along another axis than z by the range, or
+    A gyro that turns as the drone's own attitude says, but five times as much or more, or less, or
+    with its axes in another order or sign, is refused; so is a motion capture that turns otherwise
+    than the gyro (:mod:`mambo_signals.gyro_check`), whose clock jumps within the flight
+    (:mod:`mambo_signals.clock_check`), whose height is along another axis than z by the range, or
     whose path is the mirror image of the drone's. With ``--mocap-offset SECONDS`` such a motion
     capture is taken as it is, with a line that says so. A scale of it that is wrong by a few
     percent does not show: the range changes by 0.990 to 1.014 m for a metre of height in five
@@ -354,10 +355,11 @@ def _incomplete(log: Log) -> list[str]:
     """Return a line for each topic of whose samples many are not there in full."""
     lines = []
     for topic, names in TOGETHER:
-        missing = [name for name in names if not log.has(name)]
-        if missing and not all(name in RATES for name in names if log.has(name)):
-            lines.append(f'{topic}: none, as the log has no values of {", ".join(missing)}')
-        if missing or (names == GYRO and log.has(*RATES)):
+        if names == GYRO and log.has(*RATES):
+            continue  # it is not used
+        if missing := [name for name in names if not log.has(name)]:
+            if any(log.has(name) for name in names if name not in RATES):
+                lines.append(f'{topic}: none, as the log has no values of {", ".join(missing)}')
             continue
         counts = {name: len(log.drone[name][0]) for name in names}
         most, few = (choose(counts, key=counts.get) for choose in (max, min))
