@@ -133,6 +133,7 @@ def test_a_controller_that_fails_in_flight_is_told_with_its_line(flight, tmp_pat
     assert failed.fault in repr(failed) and not flight.fault
 
 
+@pytest.mark.long
 def test_a_file_that_is_edited_in_a_session_flies_as_it_is_now(tmp_path):
     mine, helper = tmp_path / 'mine.py', tmp_path / 'helper.py'
     found = []

@@ -19,6 +19,7 @@ def flight(controller):
         'hover', controller=str(controller), estimator='ground_truth', duration=7.0, land=False)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_compiled_controller_flies_the_numbers_of_the_closed_loop(faulty):
     scenario = flight(faulty)

@@ -47,6 +47,7 @@ def test_dead_reckoning_by_flow_alone_is_the_closed_form():
     assert 0.9 * np.sqrt(sampled) < np.sqrt(P[0, 0]) < 1.2 * np.sqrt(sampled + wandered)
 
 
+@pytest.mark.long
 def test_height_is_known_as_well_as_a_random_walk_observed_by_the_sonar():
     values = params(**{'motion.accel_noise': 0.01, 'drag.min_height': 9.0, 'sonar.noise': 0.01})
     P = run(hovering(30.0, 1000000, 8), values, np.zeros((SIZE, SIZE)))[-1]
