@@ -4,7 +4,7 @@ Whether one offset between two clocks holds for a whole flight, by the motion in
 An offset that is found from the whole of two recordings fits most of them. Where a clock jumps,
 the rest is moved by the jump, and nothing of that shows in the offset. So the turn rates
 and climb rates of both recordings are compared in windows: some that show one offset clearly, and
-some that show another one and the first not at all, are a contradiction. No window of 13 real
+some that show another one and the first not at all, are a contradiction. No window of 12 real
 flights shows another offset than the found one.
 """
 

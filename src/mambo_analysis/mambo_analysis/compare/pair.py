@@ -371,9 +371,10 @@ def left_out(motions: Collection[Motion]) -> list[str]:
 
 def _contradictions(a: Motion, b: Motion) -> list[str]:
     """Return lines on a motion capture, b, that contradicts the drone's own path."""
-    paths = plausible.common_path(a, b)
-    return [said for said in (plausible.upside_down(a, b), plausible.mirrored(*paths),
-                              plausible.other_scale(*paths)) if said]
+    ours, theirs = plausible.common_path(a, b)
+    flat = ours[:, :2], theirs[:, :2]
+    return [said for said in (plausible.upside_down(ours, theirs), plausible.mirrored(*flat),
+                              plausible.other_scale(*flat)) if said]
 
 
 def _between(

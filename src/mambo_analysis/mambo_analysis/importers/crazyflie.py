@@ -116,7 +116,7 @@ TOGETHER = (
     ('imu/data_raw', RATES), ('imu/data_raw', GYRO), ('optical_flow', ('n_x', 'n_y')),
     ('motor_pwm', MOTORS), ('onboard/odom', ODOMETRY), ('onboard/reference', GOAL))
 """Topic and its signals, the first of which has the times."""
-UNIT = 5.0  # [-] between the path of the position and that of the velocity; 0.6 to 1.9 were seen
+UNIT = 5.0  # [-] between the path of the position and that of the velocity; 0.6 to 1.3 were seen
 LEAST_PATH = 0.5  # [m] that tells a unit
 LEAST_PWM = 1000.0  # of the largest command; in every flight one is 65410 or more
 FEW = 0.1  # [-] of the samples that may be incomplete without a line
@@ -222,7 +222,7 @@ def read_log(source: Source) -> Log:
     known = {*USED, *(() if 'w_x' in drone else GYRO)}
     log = Log(drone, mocap, lost, impossible, [name for name in drone if name not in known],
               {name: count for name, count in steep.items() if count})
-    if not (log.has('w_x', 'w_y', 'w_z') or log.has('gyro.x', 'gyro.y', 'gyro.z')):
+    if not (log.has(*RATES) or log.has('gyro.x', 'gyro.y', 'gyro.z')):
         raise BagError(f'{path}: no gyro (ae483log.w_x, w_y, w_z or gyro.x, y, z) with finite '
                        f'values; it has {", ".join(found["drone"]) or "no signals"}')
     _check(path, log)
@@ -231,10 +231,10 @@ def read_log(source: Source) -> Log:
 
 def _check(path: Path, log: Log) -> None:
     """Raise BagError for signals of the drone that are not in the units of the course."""
-    for name in (*USED, *(() if log.has('w_x', 'w_y', 'w_z') else GYRO)):
+    for name in (*USED, *(() if log.has(*RATES) else GYRO)):
         if log.has(name):
             plausible.refuse_pace(f'{path}: {name}', log.drone[name][0])
-    if log.has('w_x', 'w_y', 'w_z'):
+    if log.has(*RATES):
         times = log.drone['w_x'][0]
         rates = log.at(times, 'w_x', 'w_y', 'w_z')
         known = np.isfinite(rates).all(axis=1)
@@ -398,13 +398,18 @@ def _unusual(log: Log, offset: float | None) -> list[str]:
                 lines.append(f'onboard/odom: the position moves {path:.3g} m where the velocity '
                              f'says {flown:.3g} m: check the units of p_x and v_x')
     if offset is not None and log.has('p_x', 'p_y'):
-        t = log.drone['p_x'][0]
-        rows = np.hstack([log.at(t, 'p_x', 'p_y'), interpolate(
-            t, log.mocap[:, 0] + offset, log.mocap[:, 1:3], 2.0 * GAP)])
-        rows = rows[np.isfinite(rows).all(axis=1)]
-        if said := plausible.other_scale(rows[:, :2], rows[:, 2:]):
+        if said := plausible.other_scale(*_paths(log, offset)):
             lines.append(f'optitrack/pose: {said}')
     return lines
+
+
+def _paths(log: Log, offset: float) -> tuple[Floats, Floats]:
+    """Return the horizontal paths, (n, 2) m, of the drone and of its capture where both are."""
+    t = log.drone['p_x'][0]
+    rows = np.hstack([log.at(t, 'p_x', 'p_y'), interpolate(
+        t, log.mocap[:, 0] + offset, log.mocap[:, 1:3], 2.0 * GAP)])
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    return rows[:, :2], rows[:, 2:]
 
 
 def _together(log: Log, names: tuple[str, ...]) -> int:
@@ -572,11 +577,7 @@ def _contradictions(log: Log, offset: float) -> list[str]:
         moving['climb rate'] = (*clock_check.climb(t[new], r[new]),
                                 *clock_check.climb(log.mocap[:, 0], log.mocap[:, 3]))
     if log.has('p_x', 'p_y'):
-        t = log.drone['p_x'][0]
-        rows = np.hstack([log.at(t, 'p_x', 'p_y'),
-                          interpolate(t, times, log.mocap[:, 1:3], 2.0 * GAP)])
-        rows = rows[np.isfinite(rows).all(axis=1)]
-        out.append(plausible.mirrored(rows[:, :2], rows[:, 2:]))
+        out.append(plausible.mirrored(*_paths(log, offset)))
     if log.has(*RATES):
         t, rates = body_rates(log.mocap[:, 0], np.array(_attitude(log.mocap[:, 4:])))
         moving |= {name: (*log.drone[name], t, rates[:, axis])

@@ -272,11 +272,12 @@ def _check_path(path: Path, own: motion.Motion, tracked: motion.Motion, shift: i
         If the capture shows the path mirrored or upside down.
 
     """
-    there = dataclasses.replace(tracked, stamps=tracked.stamps + shift)
-    paths = plausible.common_path(own, there)
-    if said := plausible.upside_down(own, there) or plausible.mirrored(*paths):
+    ours, theirs = plausible.common_path(
+        own, dataclasses.replace(tracked, stamps=tracked.stamps + shift))
+    flat = ours[:, :2], theirs[:, :2]
+    if said := plausible.upside_down(ours, theirs) or plausible.mirrored(*flat):
         raise BagError(f'{path}: {said}: import it with the right axes')
-    said = plausible.other_scale(*paths)
+    said = plausible.other_scale(*flat)
     return f'warning: {path}: {said}\n' if said else ''
 
 

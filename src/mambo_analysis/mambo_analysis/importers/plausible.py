@@ -237,19 +237,17 @@ def tilt_of(times: Floats, rates: Floats) -> float:
 
 
 def common_path(own: Motion, tracked: Motion) -> tuple[Floats, Floats]:
-    """Return the horizontal paths, (n, 2) m, of a drone and of its capture where both are."""
+    """Return the paths, (n, 3) m, of a drone and of its capture where both are."""
     there = tracked.values(own.stamps, tracked.position)
     both = np.isfinite(there).all(axis=1) & np.isfinite(own.position).all(axis=1)
-    return own.position[both, :2], there[both, :2]
+    return own.position[both], there[both]
 
 
-def upside_down(own: Motion, tracked: Motion) -> str | None:
-    """Return in words that a capture of a drone's motion falls where the drone rises."""
-    there = tracked.values(own.stamps, tracked.position)
-    both = np.isfinite(there).all(axis=1) & np.isfinite(own.position).all(axis=1)
-    if both.sum() < LEAST_ROWS:
+def upside_down(path: Floats, position: Floats) -> str | None:
+    """Return in words that a capture, (n, 3) m, falls where the drone's path, (n, 3) m, rises."""
+    if len(path) < LEAST_ROWS:
         return None
-    ours, theirs = own.position[both, 2], there[both, 2]
+    ours, theirs = path[:, 2], position[:, 2]
     if min(ours.std(), theirs.std()) < LEAST_CHANGE:
         return None
     r = float(np.corrcoef(ours, theirs)[0, 1])
