@@ -154,8 +154,8 @@ def other_axes(found: Turning | None) -> str:
     Return in words in which order and sign the axes of a gyro show the tracked turning.
 
     Empty where they show it as they are, or not. However slow the turning is: in 22 of 24 pairs
-    of 12 real flights, with capture or onboard attitude, the axes have mean correlations of 0.75 to
-    0.99 and no other order a higher one; in the other two no order has 0.5.
+    of 12 real flights, with capture or onboard attitude, the axes have mean correlations of 0.75
+    to 0.99 and no other order a higher one; in the other two no order has 0.5.
     """
     if found is None:
         return ''
