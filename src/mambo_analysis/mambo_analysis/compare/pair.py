@@ -14,7 +14,7 @@ from mambo_signals.motion import Motion
 from mambo_signals.resample import Floats, Ints
 import numpy as np
 
-from ..importers import plausible
+from ..importers.checks import plausible
 
 XYZ = ('x', 'y', 'z')
 GRID = 10_000_000  # [ns] sample period for the search of a delay

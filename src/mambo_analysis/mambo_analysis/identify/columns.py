@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..importers import bounded, mat_file, plausible
+from ..importers import bounded, mat_file
+from ..importers.checks import plausible
 from .regression import IdentifyError
 
 Floats = NDArray[np.float64]

@@ -42,7 +42,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
 
-from . import plausible
+from .checks import plausible
 from .common import NAMESPACE, provenance, quoted, report, SECOND, shortened, unused
 from .sqlite_bag import read_sqlite
 

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from . import plausible
+from .checks import plausible
 from .common import (
     importer_parser, LONGEST, NAMESPACE, new_samples, provenance, Publisher, read_source, report,
     stamps_ns, unused)

@@ -81,7 +81,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from . import plausible
+from .checks import plausible
 from .common import (
     estimator_parameters, importer_parser, is_sound, LONGEST, NAMESPACE, new_samples, provenance,
     Publisher, read_source, refuse_options, report, Source, stamps_ns, unused)

@@ -34,7 +34,7 @@ from mambo_signals.time_offset import (
     time_offset, unclipped_ranges)
 import numpy as np
 
-from . import plausible
+from .checks import plausible
 
 POSE = 'optitrack/pose'
 LONGEST = 2e9  # [s] of an offset: log times since boot and since 1970

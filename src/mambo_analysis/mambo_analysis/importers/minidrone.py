@@ -62,9 +62,9 @@ Calibration
     metadata.
 
 Doubtful values
-    A sensor of 0 throughout, and sensors with values that no minidrone has
-    (:data:`.plausible.MINIDRONE`), are imported as they are, with a line that names them; so is a
-    gyro that is many times the onboard rate, or a fraction of it.
+    Sensors with values that no minidrone has (:data:`.checks.plausible.MINIDRONE`), and what
+    contradicts the drone's own estimate (:mod:`.checks.minidrone_doubts`), are imported as they
+    are, with a line that names them.
 """
 
 from __future__ import annotations
@@ -82,11 +82,12 @@ from mambo_model.motion.quaternion import from_euler
 import numpy as np
 from numpy.typing import NDArray
 
-from . import plausible
+from .checks import plausible
 from .common import (
     estimator_parameters, importer_parser, is_sound, new_samples, provenance, Publisher,
     read_source, refuse_options, report, shortened, Source, unused)
 from .mat_file import columns, variables
+from .checks.minidrone_doubts import onboard_doubts, sensor_doubts
 from .simulink import is_package_log, PackageLog, publish, read_package_log
 
 Array = NDArray[np.float64]
@@ -205,26 +206,6 @@ def read_log(source: Source, found: dict[str, Any]) -> Log:
     plausible.refuse_ranges(f'{source.path}: altitude_sonarb', signals['altitude_sonarb'])
     others += [name for name in found if name not in ('rt_yout', 'rt_tout')]
     return Log(signals, source.path.name, source.sha256, others)
-
-
-def sensor_doubts(log: Log, flow_scale: float) -> list[str]:
-    """Return a line about each sensor whose values are all 0, or of no minidrone."""
-    accel, gyro = ('ddxb', 'ddyb', 'ddzb'), ('pa', 'qa', 'ra')
-    flow, battery = log.signals['opticalFlow_datout'], log.signals['batteryStatus_datout']
-    length = np.linalg.norm(log.columns(*accel), axis=1)
-    out = plausible.unusual(f'the length of {", ".join(accel)}', 'accel', length)
-    out += [plausible.constant(name, 0.0) for name in (*(accel if length.any() else ()), *gyro)
-            if not log.signals[name].any()]
-    out += plausible.unusual_gyro(gyro, log.columns(*gyro), log.columns('pb', 'qb', 'rb'))
-    for name, kind, values in (
-            ('altitude_sonarb', 'sonar', log.signals['altitude_sonarb']),
-            ('prsb', 'pressure', log.signals['prsb']),
-            ('opticalFlow_datout', 'flow', flow_scale * np.linalg.norm(flow[:, :2], axis=1)),
-            ('motors_refout', 'motors', log.signals['motors_refout'].ravel()),
-            ('batteryStatus_datout[0]', 'battery', battery[:, 0]),
-            ('batteryStatus_datout[1]', 'percent', battery[:, 1])):
-        out += plausible.unusual(name, kind, values)
-    return out
 
 
 def _flip(vectors: Array) -> list[list[float]]:
@@ -382,7 +363,8 @@ def import_minidrone(
         _publish_slow_sensors(log, out, scale)
         _publish_onboard(log, out)
         _publish_battery(log, out)
-        return writer.counts, sensor_doubts(log, scale) + unused(log.ignored)
+        return writer.counts, (
+            sensor_doubts(log, scale) + onboard_doubts(log) + unused(log.ignored))
 
 
 def _import_package(

@@ -46,7 +46,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from . import plausible
+from .checks import plausible
 from .common import (
     importer_parser, LARGEST, LONGEST, number, provenance, Publisher, quoted, read_source, report,
     shortened, Source, stamps_ns, unused)

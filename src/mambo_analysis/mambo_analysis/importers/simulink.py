@@ -67,7 +67,7 @@ from numpy.typing import NDArray
 
 from .common import is_sound, LONGEST, new_samples, Publisher, shortened, stamps_ns
 from .mat_file import logged, Signal
-from .plausible import (
+from .checks.plausible import (
     constant, HALF, QUARTER, refuse_pressure, refuse_ranges, refuse_steep, tilt_of, TILTS, unusual,
     unusual_gyro)
 from .simulink_names import by_map, by_name, Column, LAYOUTS, near, QUANTITIES, TOOLBOX_FLOW

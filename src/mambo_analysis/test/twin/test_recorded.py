@@ -5,7 +5,7 @@ from pathlib import Path
 
 from flown import bag, flight, MAP, MOUNTING
 from mambo_analysis.identify.regression import IdentifyError
-from mambo_analysis.importers import plausible
+from mambo_analysis.importers.checks import plausible
 from mambo_analysis.twin import contradictions
 from mambo_analysis.twin.force import fit_force
 from mambo_analysis.twin.identify_flight import reading_notes

@@ -1,7 +1,7 @@
 """Numbers of a small drone pass in their units, and no others."""
 
-from mambo_analysis.importers import plausible
-from mambo_analysis.importers.plausible import tilt_of
+from mambo_analysis.importers.checks import plausible
+from mambo_analysis.importers.checks.plausible import tilt_of
 from mambo_bags.reader import BagError
 import numpy as np
 import pytest

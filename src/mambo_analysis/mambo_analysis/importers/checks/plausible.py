@@ -30,13 +30,14 @@ LARGEST_PWM = 65535.0  # of 16 bits
 FEW = 0.01  # [-] share of values that may be damaged
 MINIDRONE = {
     'accel': (7.0, 13.0, 'm/s^2'), 'sonar': (0.2, 4.0, 'm'), 'pressure': (*PRESSURES, 'Pa'),
-    'battery': (2.5, 5.0, 'V'), 'percent': (0.0, 100.0, '%'), 'motors': (0.0, 1000.0, 'PWM'),
+    'battery': (2.5, 5.0, 'V'), 'percent': (0.0, 100.0, '%'), 'motors': (10.0, 1000.0, 'PWM'),
     'flow': (0.0, 12.0, 'rad/s')}
 """Least and largest usual value of the sensors of a minidrone, and their unit. In twelve flights:
-accelerometer 9.3 to 10.2, sonar 0.44 to 1.2, battery of one cell 3.5 to 4.2, commands up to 500
-and flow up to 4.5 (99 %)."""
+accelerometer 9.3 to 10.2, sonar 0.44 to 1.2, battery of one cell 3.5 to 4.2, commands of 265 to
+454 (median) and flow up to 4.5 (99 %)."""
 NOISY = ('sonar', 'pressure')  # which never rest
 SAME_RATE = (0.6, 3.0)  # correlation of gyro and onboard rate, and their factor
+OTHER_RATE = 0.8  # correlation from which a gyro shows another axis, or its negative
 UPSIDE_DOWN = -0.8  # correlation of the heights
 MIRRORED = (0.8, 0.3)  # explained shares of a path, by its mirror image and by itself
 SAME_SCALE = (0.8, 1.25, 0.8)  # factor of two paths, and the explained share from which it counts
@@ -353,7 +354,10 @@ def constant(name: str, value: float) -> str:
 
 def unusual_gyro(names: Sequence[str], rates: Floats, onboard: Floats) -> list[str]:
     """
-    Return a line about each axis of a gyro that is many times the rate that the drone estimates.
+    Return a line about each axis of a gyro that contradicts the rate that the drone estimates.
+
+    It is many times as large, or turns as another axis, or the other way. Of twelve real flights
+    each axis has a correlation of 0.67 or more with its own rate, and of 0.37 at most with others.
 
     Parameters
     ----------
@@ -366,14 +370,18 @@ def unusual_gyro(names: Sequence[str], rates: Floats, onboard: Floats) -> list[s
     known = np.isfinite(onboard).all(axis=1)
     if known.sum() < LEAST_ROWS:
         return []
+    own, drone = (x[known] - x[known].mean(axis=0) for x in (rates, onboard))
+    own_size, drone_size = (np.maximum(np.linalg.norm(x, axis=0), 1e-12) for x in (own, drone))
+    alike = own.T @ drone / np.outer(own_size, drone_size)
     out = []
-    for name, x, y in zip(names, (rates[known] - rates[known].mean(axis=0)).T,
-                          (onboard[known] - onboard[known].mean(axis=0)).T):
-        r = float(x @ y) / max(float(np.sqrt((x @ x) * (y @ y))), 1e-12)
-        if r <= SAME_RATE[0]:
-            continue
-        ratio = float(np.sqrt((x @ x) / (y @ y)))
-        if differs(r, ratio, SAME_RATE[1]):
+    for k, name in enumerate(names):
+        r, other = float(alike[k, k]), int(np.argmax(np.abs(alike[k])))
+        ratio = float(own_size[k] / drone_size[k])
+        if r > SAME_RATE[0] and differs(r, ratio, SAME_RATE[1]):
             out.append(f'{name} is {ratio:.3g} times the rate that the drone estimates: check its '
                        'unit and scale before you use it')
+        elif abs(alike[k, other]) > OTHER_RATE and (other != k or r < 0.0):
+            sign, axis = '-' * bool(alike[k, other] < 0.0), ('roll', 'pitch', 'yaw')[other]
+            out.append(f'{name} turns as the {sign}{axis} rate that the drone estimates: check '
+                       'order and signs of both before you use it')
     return out
