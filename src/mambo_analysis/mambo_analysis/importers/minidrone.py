@@ -83,11 +83,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .checks import plausible
+from .checks.minidrone_doubts import onboard_doubts, sensor_doubts
 from .common import (
     estimator_parameters, importer_parser, is_sound, new_samples, provenance, Publisher,
     read_source, refuse_options, report, shortened, Source, unused)
 from .mat_file import columns, variables
-from .checks.minidrone_doubts import onboard_doubts, sensor_doubts
 from .simulink import is_package_log, PackageLog, publish, read_package_log
 
 Array = NDArray[np.float64]

@@ -65,11 +65,11 @@ from mambo_model.motion.quaternion import from_euler
 import numpy as np
 from numpy.typing import NDArray
 
-from .common import is_sound, LONGEST, new_samples, Publisher, shortened, stamps_ns
-from .mat_file import logged, Signal
 from .checks.plausible import (
     constant, HALF, QUARTER, refuse_pressure, refuse_ranges, refuse_steep, tilt_of, TILTS, unusual,
     unusual_gyro)
+from .common import is_sound, LONGEST, new_samples, Publisher, shortened, stamps_ns
+from .mat_file import logged, Signal
 from .simulink_names import by_map, by_name, Column, LAYOUTS, near, QUANTITIES, TOOLBOX_FLOW
 
 Floats = NDArray[np.float64]

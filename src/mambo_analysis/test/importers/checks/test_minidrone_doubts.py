@@ -3,10 +3,10 @@
 import dataclasses
 from pathlib import Path
 
+from mambo_analysis.importers.checks.minidrone_doubts import onboard_doubts, sensor_doubts
 from mambo_analysis.importers.common import read_source
 from mambo_analysis.importers.mat_file import variables
 from mambo_analysis.importers.minidrone import read_log
-from mambo_analysis.importers.checks.minidrone_doubts import onboard_doubts, sensor_doubts
 import pytest
 
 FLIGHTS = sorted((Path(__file__).resolve().parents[6] / 'shared' / 'data'
