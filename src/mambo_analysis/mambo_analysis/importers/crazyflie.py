@@ -81,10 +81,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from .checks import plausible
+from .checks import crazyflie_doubts, plausible
 from .common import (
     estimator_parameters, importer_parser, is_sound, LONGEST, NAMESPACE, new_samples, provenance,
     Publisher, read_source, refuse_options, report, Source, stamps_ns, unused)
+from .crazyflie_names import (
+    GOAL, GYRO, MOCAP, MOTORS, ODOMETRY, RATES, SAME_TURNING, USED)
 
 Floats = NDArray[np.float64]
 COUNTS_PER_RADIAN = 10.0 * 35.0 / 0.71674
@@ -97,29 +99,6 @@ RANGE = 'range against z'
 NEAR = 0.08  # [s] how far the gyro's offset may be from the range's
 SCALE = 1.05  # [-] of the range over the height of the motion capture; 0.990 to 1.014 were seen
 GAP = 0.05  # [s] over which the parts of one instant are interpolated
-MOTORS = ('m_4', 'm_1', 'm_2', 'm_3')
-"""In the order of (3.2): front left, front right, rear right, rear left."""
-GYRO = ('gyro.x', 'gyro.y', 'gyro.z')
-SAME_TURNING = (
-    ((('w_x', 'w_y', 'w_z'), math.degrees(1.0)), (('psi', 'theta', 'phi'), (1.0, 1.0, 1.0))),
-    ((GYRO, 1.0), (('stateEstimate.yaw', 'stateEstimate.pitch', 'stateEstimate.roll'),
-                   np.radians([1.0, -1.0, 1.0]))))
-"""A gyro and its unit [deg/s], the attitude that goes with it and its factors [rad]: the pitch of
-the firmware is positive with the nose up (``estimator_kalman``, legacy coordinates)."""
-RATES = ('w_x', 'w_y', 'w_z')
-USED = (*RATES, 'a_z', 'r', 'n_x', 'n_y', *MOTORS, 'p_x', 'p_y', 'p_z', 'psi',
-        'theta', 'phi', 'v_x', 'v_y', 'v_z', 'p_x_des', 'p_y_des', 'p_z_des')
-MOCAP = ('x', 'y', 'z', 'yaw', 'pitch', 'roll')
-ODOMETRY = ('p_x', 'p_y', 'p_z', 'psi', 'theta', 'phi', 'v_x', 'v_y', 'v_z', *RATES)
-GOAL = ('p_x_des', 'p_y_des', 'p_z_des')
-TOGETHER = (
-    ('imu/data_raw', RATES), ('imu/data_raw', GYRO), ('optical_flow', ('n_x', 'n_y')),
-    ('motor_pwm', MOTORS), ('onboard/odom', ODOMETRY), ('onboard/reference', GOAL))
-"""Topic and its signals, the first of which has the times."""
-UNIT = 5.0  # [-] between the path of the position and that of the velocity; 0.6 to 1.3 were seen
-LEAST_PATH = 0.5  # [m] that tells a unit
-LEAST_PWM = 1000.0  # of the largest command; in every flight one is 65410 or more
-FEW = 0.1  # [-] of the samples that may be incomplete without a line
 TOPICS = {
     'imu/data_raw': 'sensor_msgs/msg/Imu', 'sonar/range': 'sensor_msgs/msg/Range',
     'optical_flow': 'mambo_interfaces/msg/OpticalFlow',
@@ -351,56 +330,12 @@ def gyro_offset(log: Log, near: float | None = None) -> Offset:
     return best._replace(sigma=max(best.sigma, apart))
 
 
-def _incomplete(log: Log) -> list[str]:
-    """Return a line for each topic of whose samples many are not there in full."""
-    lines = []
-    for topic, names in TOGETHER:
-        if names == GYRO and log.has(*RATES):
-            continue  # it is not used
-        if missing := [name for name in names if not log.has(name)]:
-            if any(log.has(name) for name in names if name not in RATES):
-                lines.append(f'{topic}: none, as the log has no values of {", ".join(missing)}')
-            continue
-        counts = {name: len(log.drone[name][0]) for name in names}
-        most, few = (choose(counts, key=counts.get) for choose in (max, min))
-        lost = counts[most] - _together(log, names)
-        if lost > FEW * counts[most]:
-            lines.append(f'{topic}: {lost} of {counts[most]} samples left out: some of its '
-                         f'signals are missing there ({most} has {counts[most]} samples, {few} '
-                         f'{counts[few]})')
-    if log.has('w_x', 'a_z'):
-        count = len(log.drone['w_x'][0])
-        if (lost := count - _together(log, ('w_x', 'a_z'))) > FEW * count:
-            lines.append(f'imu/data_raw: {lost} of {count} samples have no acceleration')
-    return lines
-
-
-def _unusual(log: Log, offset: float | None) -> list[str]:
-    """Return a line for each signal of a log that is in another unit than the course's."""
-    lines = []
-    if log.has(*MOTORS) and (most := max(log.drone[name][1].max() for name in MOTORS)) < LEAST_PWM:
-        lines.append(f'motor_pwm: the commands are up to {most:.4g}, not up to 65535: check their '
-                     'unit before you use them')
-    if log.has('n_x', 'n_y'):
-        most = max(np.percentile(np.abs(log.drone[name][1]), 99.0) for name in ('n_x', 'n_y'))
-        if most < 1.0:
-            lines.append(f'optical_flow: n_x and n_y are up to {most:.4g}, not whole counts: '
-                         'check their unit before you use them')
-    if log.has(*ODOMETRY):
-        t = log.drone['p_x'][0]
-        state = log.at(t, *ODOMETRY)
-        t, state = (x[np.isfinite(state).all(axis=1)] for x in (t, state))
-        if len(t) > 2:
-            moved = np.abs(np.diff(state[:, :3], axis=0)).sum(axis=1)
-            fast = np.abs(state[1:, 6:9]).sum(axis=1) * np.diff(t)
-            path, flown = (float(np.sum(x[x <= np.percentile(x, 90.0)])) for x in (moved, fast))
-            if max(path, flown) > LEAST_PATH and not flown / UNIT < path < flown * UNIT:
-                lines.append(f'onboard/odom: the position moves {path:.3g} m where the velocity '
-                             f'says {flown:.3g} m: check the units of p_x and v_x')
-    if offset is not None and log.has('p_x', 'p_y'):
-        if said := plausible.other_scale(*_paths(log, offset)):
-            lines.append(f'optitrack/pose: {said}')
-    return lines
+def _other_scale(log: Log, offset: float | None) -> list[str]:
+    """Return a line about a motion capture in another scale than the drone's own path."""
+    if offset is None or not log.has('p_x', 'p_y'):
+        return []
+    said = plausible.other_scale(*_paths(log, offset))
+    return [f'optitrack/pose: {said}'] if said else []
 
 
 def _paths(log: Log, offset: float) -> tuple[Floats, Floats]:
@@ -410,11 +345,6 @@ def _paths(log: Log, offset: float) -> tuple[Floats, Floats]:
         t, log.mocap[:, 0] + offset, log.mocap[:, 1:3], 2.0 * GAP)])
     rows = rows[np.isfinite(rows).all(axis=1)]
     return rows[:, :2], rows[:, 2:]
-
-
-def _together(log: Log, names: tuple[str, ...]) -> int:
-    """Return at how many times of the first signal the others are there."""
-    return int(np.isfinite(log.at(log.drone[names[0]][0], *names)).all(axis=1).sum())
 
 
 def _publish_imu(log: Log, out: Publisher, level: bool) -> None:
@@ -704,7 +634,8 @@ def import_crazyflie(
         'ignored': ', '.join(log.ignored) or 'nothing', **details,
         **({'beyond_quarter_turn': '; '.join(_left_out(log))} if log.steep else {}),
         **{key: '; '.join(lines) for key, lines in (
-            ('incomplete', _incomplete(log)), ('unusual', _unusual(log, offset))) if lines}})
+            ('incomplete', crazyflie_doubts.incomplete(log)),
+            ('unusual', crazyflie_doubts.unusual(log) + _other_scale(log, offset))) if lines}})
     with BagWriter(target, _parameters(counts_per_radian), record) as writer:
         out = Publisher(writer, TOPICS)
         _publish_imu(log, out, level)

@@ -37,7 +37,7 @@ accelerometer 9.3 to 10.2, sonar 0.44 to 1.2, battery of one cell 3.5 to 4.2, co
 454 (median) and flow up to 4.5 (99 %)."""
 NOISY = ('sonar', 'pressure')  # which never rest
 SAME_RATE = (0.6, 3.0)  # correlation of gyro and onboard rate, and their factor
-OTHER_RATE = 0.8  # correlation from which a gyro shows another axis, or its negative
+OTHER_AXIS = (0.7, 0.3)  # least correlation with another axis, largest with the own one
 UPSIDE_DOWN = -0.8  # correlation of the heights
 MIRRORED = (0.8, 0.3)  # explained shares of a path, by its mirror image and by itself
 SAME_SCALE = (0.8, 1.25, 0.8)  # factor of two paths, and the explained share from which it counts
@@ -370,18 +370,40 @@ def unusual_gyro(names: Sequence[str], rates: Floats, onboard: Floats) -> list[s
     known = np.isfinite(onboard).all(axis=1)
     if known.sum() < LEAST_ROWS:
         return []
-    own, drone = (x[known] - x[known].mean(axis=0) for x in (rates, onboard))
-    own_size, drone_size = (np.maximum(np.linalg.norm(x, axis=0), 1e-12) for x in (own, drone))
-    alike = own.T @ drone / np.outer(own_size, drone_size)
-    out = []
+    out, alike = [], correlations(rates[known], onboard[known])
     for k, name in enumerate(names):
-        r, other = float(alike[k, k]), int(np.argmax(np.abs(alike[k])))
-        ratio = float(own_size[k] / drone_size[k])
+        r, ratio = float(alike[k, k]), float(rates[known, k].std() / max(
+            onboard[known, k].std(), 1e-12))
         if r > SAME_RATE[0] and differs(r, ratio, SAME_RATE[1]):
             out.append(f'{name} is {ratio:.3g} times the rate that the drone estimates: check its '
                        'unit and scale before you use it')
-        elif abs(alike[k, other]) > OTHER_RATE and (other != k or r < 0.0):
-            sign, axis = '-' * bool(alike[k, other] < 0.0), ('roll', 'pitch', 'yaw')[other]
-            out.append(f'{name} turns as the {sign}{axis} rate that the drone estimates: check '
-                       'order and signs of both before you use it')
+        elif axis := other_axis(alike[k], k, ('roll', 'pitch', 'yaw')):
+            out.append(f'{name} turns as the {axis} rate that the drone estimates: check order '
+                       'and signs of both before you use it')
     return out
+
+
+def correlations(values: Floats, other: Floats) -> Floats:
+    """Return the correlation of each column of values, (n, k), with each of another, (n, m)."""
+    x, y = ((a - a.mean(axis=0)) / np.maximum(a.std(axis=0), 1e-12) for a in (values, other))
+    return x.T @ y / len(x)
+
+
+def other_axis(alike: Floats, own: int, names: Sequence[str]) -> str:
+    """
+    Return which axis a signal shows, with its sign, if not its own; else an empty text.
+
+    Parameters
+    ----------
+    alike : (k,)
+        Its correlation with each axis.
+    own
+        Index of the axis that it should show.
+    names
+        Of the axes.
+
+    """
+    most = int(np.argmax(np.abs(alike)))
+    if abs(alike[most]) < OTHER_AXIS[0] or alike[own] > OTHER_AXIS[1]:
+        return ''
+    return f'{"-" * bool(alike[most] < 0.0)}{names[most]}'
