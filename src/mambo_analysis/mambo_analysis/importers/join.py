@@ -319,8 +319,8 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None,
     tracked = motion.read(other, POSE)
     clock = Clock(offset, math.nan, 'given') if offset is not None else find_clock(bag, tracked)
     shift = round(clock.offset * 1e9)
-    note = _check_path(
-        mocap, motion.read(bag, OWN[0]), tracked, shift) if OWN[0] in bag else ''
+    note = next(filter(None, [_check_path(mocap, motion.read(bag, topic), tracked, shift)
+                              for topic in OWN if topic in bag]), '')
     parts = [mcap_reader.scan(file) for file in bag_files(flight)[0]]
     copied = [message for part in parts for message in in_order(part)]
     end = max(log_time for _, log_time, _, _ in copied)

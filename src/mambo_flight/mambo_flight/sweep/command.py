@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+import sys
 from typing import Any
 
 from mambo_bags.cli.option_types import FLIGHT, WORKERS
@@ -69,6 +70,8 @@ def sweep(
         flights[number]
     journal = table.Journal(
         out.with_name(f'{out.name}.rows'), table.digest(flights, ideal))
+    if said := table.continued(flights, journal):
+        print(f'sweep: {said}', file=sys.stderr)
     try:
         run(flights, journal, ideal, workers, dask)
         data = table.columns(flights.sweep, journal.rows)

@@ -21,6 +21,7 @@ from mambo_model.errors import InputError, JobError
 from . import monte_carlo
 from .. import closed_loop, supervised
 from ..scenario import replaced, Scenario
+from .table import sources
 
 Row = dict[str, Any]
 _sweep = ''  # the last one of which this process got flights
@@ -28,11 +29,7 @@ _sweep = ''  # the last one of which this process got flights
 
 def packed(flights: Sequence[Scenario]) -> bytes:
     """Return flights for :func:`fly_packed`, with the hashes of the user's components."""
-    return pickle.dumps((_sources(flights), list(flights)))
-
-
-def _sources(flights: Sequence[Scenario]) -> dict[str, str]:
-    return {str(c.path): c.sha256 for flight in flights for c in own_components(flight)}
+    return pickle.dumps((sources(flights), list(flights)))
 
 
 def fly_packed(sweep: str, batch: bytes, ideal: bool) -> list[Row]:
@@ -59,7 +56,7 @@ def fly_packed(sweep: str, batch: bytes, ideal: bool) -> list[Row]:
         look_again()
         _sweep = sweep
     there, flights = pickle.loads(batch)
-    for path, sha256 in _sources(flights).items():
+    for path, sha256 in sources(flights).items():
         if there[path] != sha256:
             raise InputError(f'{path}: is not the file that the sweep began with: keep it as it '
                              'is while a sweep lasts, and the same for every worker')

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 import hashlib
 import json
 from pathlib import Path
 from typing import Any
 
 from mambo_model.compiled import source_digest
+from mambo_model.components import own_components
 from mambo_model.errors import InputError, JobError
 from mambo_model.whole_file import replacing
 import pyarrow as pa
@@ -41,14 +42,35 @@ def parameters(sweep: Sweep, number: int) -> dict[str, Any]:
 
 
 def digest(flights: Flights, ideal: bool) -> str:
-    """Return a hash of everything that the result depends on: flights, sensors, numerics."""
+    """
+    Return a hash of what the result depends on: flights, sensors, numerics, users' components.
+
+    Data files that a component reads itself are not in it.
+    """
     out = hashlib.sha256(f'{ideal} {source_digest()} with faults'.encode())
     out.update(repr([axis.name for axis in flights.sweep.axes]).encode())
     for row in flights.sweep.rows:
         out.update(repr(row).encode())
     for base in flights.bases.values():
         out.update(scenarios.to_yaml(base).encode())
+    out.update(repr(sources(flights.bases.values())).encode())
     return out.hexdigest()
+
+
+def sources(flights: Iterable[scenarios.Scenario]) -> dict[str, str]:
+    """Return {file: hash of its source} of the users' components that flights have."""
+    return {str(c.path): c.sha256 for flight in flights for c in own_components(flight)}
+
+
+def continued(flights: Flights, journal: Journal) -> str:
+    """Return in words that finished flights are kept, and what may not have changed; or ''."""
+    if not journal.rows:
+        return ''
+    read = ''.join(f'; data files that {path} reads itself must be those that they were flown with'
+                   for path in sources(flights.bases.values()))
+    count = len(journal.rows)
+    return (f'{journal.path}: {count} finished flight{"s are" if count > 1 else " is"} '
+            f'kept{read}')
 
 
 def _line(row: Mapping[str, Any]) -> bytes:

@@ -4,7 +4,7 @@ from pathlib import Path
 import re
 
 from mambo_flight import closed_loop, scenario as scenarios, supervised
-from mambo_flight.sweep import command, guarded, monte_carlo, run
+from mambo_flight.sweep import command, guarded, monte_carlo, run, table
 from mambo_model import components
 from mambo_model.errors import InputError, JobError
 import pyarrow.parquet as parquet
@@ -113,6 +113,38 @@ def test_a_sweep_writes_its_table_and_names_the_fault(tmp_path, capsys, monkeypa
     assert capsys.readouterr().err == (
         f'sweep: a component failed in 2 of 3 flights, the first is flight 1: {FAULT}\n')
     assert parquet.read_table(out)['fault'].to_pylist() == ['', FAULT, FAULT]
+
+
+def test_a_sweep_is_not_continued_with_another_controller(tmp_path, capsys, monkeypatch):
+    mine, out, file = (tmp_path / name for name in ('mine.py', 'out.parquet', 'sweep.yaml'))
+    (tmp_path / 'helper.py').write_text('SHARE = 1.0\n')
+    text = f'{PD.read_text()}\nfrom helper import SHARE\n'.replace('@jit\n', '')
+    file.write_text('scenario: mine.yaml\nvary:\n  seed: [1, 2]\n')
+    (tmp_path / 'mine.yaml').write_text('title: mine\ntrajectory: hover\ncontroller: mine.py\n')
+    row = {**monte_carlo.fly_with_sensors(flight('cascaded')), 'fault': ''}
+    flown = []
+
+    def fly(flights, ideal):
+        flown.extend(flights)
+        if len(flown) == 2:
+            raise table.SweepEndedError('ended')
+        return [row for _ in flights]
+    monkeypatch.setattr(run, 'fly', fly)
+    monkeypatch.setattr(run, 'BATCH', 1)
+
+    def sweep(share=1.0, code=text):
+        (tmp_path / 'helper.py').write_text(f'SHARE = {share}\n')
+        mine.write_text(code)
+        components.look_again()  # as a new process does
+        found = command.main([str(file), '-o', str(out), '--workers', '1'])
+        return found, capsys.readouterr().err
+    assert sweep() == (1, 'sweep: ended\n') and len(flown) == 2
+    for change in ({'share': 0.5}, {'code': text.replace('thrust, ', '0.9 * thrust, ')}):
+        code, said = sweep(**change)
+        assert code == 2 and 'not begun by this sweep file' in said and len(flown) == 2
+    code, said = sweep()
+    assert code == 0 and len(flown) == 3
+    assert f'out.parquet.rows: 1 finished flight is kept; data files that {mine} reads' in said
 
 
 @pytest.mark.long
