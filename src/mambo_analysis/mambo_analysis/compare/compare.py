@@ -22,7 +22,7 @@ from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser, write_json
 from mambo_bags.reader import Bag, BagError, Messages, read_bag
 from mambo_flight.world import separation
-from mambo_signals import height_check, metrics, motion, resample, stamps
+from mambo_signals import damaged, height_check, metrics, motion, resample, stamps
 from mambo_signals.flight_phases import detect_phases, Phases, phases
 from mambo_signals.resample import continuous_quaternions, Floats, Ints
 import numpy as np
@@ -165,7 +165,7 @@ def _factor(bag: Bag) -> float | None:
 
 def _doubts(bag: Bag) -> list[str]:
     """Return what a reader must know about the messages of a bag, one line each."""
-    return [*bag.notes, *refused_messages(bag), *stamps.doubtful(bag),
+    return [*bag.notes, *refused_messages(bag), *stamps.doubtful(bag), *damaged.not_finite(bag),
             *stamps.repeated(bag, motion.MOTIONS), *height_check.of_bag(bag)]
 
 
@@ -274,7 +274,7 @@ def compare_replay(origin: Bag, answer: Bag) -> str:
                if lacking else 'the estimator did not answer')
         raise BagError(f'{answer.path}: no estimate/odom, {why}')
     estimate, parts, lines = answer['estimate/odom'], phases(origin), []
-    notes = [*origin.notes, *stamps.doubtful(origin)]
+    notes = [*origin.notes, *stamps.doubtful(origin), *damaged.not_finite(origin)]
     sections = []
     if 'estimate/odom' in origin:
         lines += _identical(origin['estimate/odom'], estimate)

@@ -20,6 +20,7 @@ from .estimate_checks import ALIGNING, contradictions
 
 FAR = 0.5  # m, difference between the height and every range, used or refused ...
 FAR_TIME = 1.0  # s, ... for this long means divergence
+LEAST_UNUSED = 5e-4  # [-] of the steps that is told, with one decimal of a percent
 FASTEST = 10.0  # m/s, faster than these vehicles fly
 AIDING = ((topics.SONAR, 'sonar_refused'), (topics.OPTICAL_FLOW, 'flow_refused'),
            (topics.BAROMETER, 'barometer_refused'))
@@ -50,8 +51,10 @@ def _sensors(bag: Bag, state: Bag) -> list[str]:
     inner = state[topics.ESTIMATOR_STATE.name]
     unhealthy = (inner['health'] > health.OUT_OF_REACH).mean(axis=0)
     reach = (inner['health'] == health.OUT_OF_REACH).mean(axis=0)
-    lines = [f'  {name}: unhealthy for {unhealthy[k]:.1%} of the time'
-             for k, name in enumerate(health.NAMES[:health.SONAR])]
+    unused = (inner['age'][inner['status'] != ALIGNING] > 0.0).sum(axis=0) / len(inner.stamp)
+    lines = [f'  {name}: unhealthy for {unhealthy[k]:.1%} of the time' + (
+        f', without a usable sample in {unused[k]:.1%} of the steps'
+        if unused[k] > LEAST_UNUSED else '') for k, name in enumerate(health.NAMES[:health.SONAR])]
     for k, (topic, refused) in enumerate(AIDING, health.SONAR):
         all_ = count = 0
         if topic.name in bag:

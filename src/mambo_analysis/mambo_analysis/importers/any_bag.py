@@ -7,7 +7,8 @@ their possible names. Headers, values and log times are copied; messages are wri
 definitions installed here, fields that the source lacks are 0. A pose can be taken from
 PoseStamped, PoseWithCovarianceStamped, TransformStamped or Odometry. Poses with a value that is
 not finite or an orientation of length 0, as trackers give for a lost body, are left out and
-counted; so are poses that no vehicle can reach (:mod:`mambo_signals.outliers`). A topic of several
+counted; so are poses that no vehicle can reach (:mod:`mambo_signals.outliers`). A velocity in the
+axes of the poses is turned into those of the body (:mod:`.checks.world_twist`). A topic of several
 bodies or frames, and values that cannot be in the units of their type, are refused.
 
 Times
@@ -21,7 +22,7 @@ Times
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import dataclasses
 import hashlib
 import math
@@ -41,17 +42,19 @@ from mambo_signals import outliers
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
+from scipy.spatial.transform import Rotation
 
-from .checks import plausible
+from .checks import plausible, world_twist
 from .common import NAMESPACE, provenance, quoted, report, SECOND, shortened, unused
 from .sqlite_bag import read_sqlite
 
 Ints = NDArray[np.int64]
 
 ODOMETRY, POSE = 'nav_msgs/msg/Odometry', 'geometry_msgs/msg/PoseStamped'
+IMU = 'sensor_msgs/msg/Imu'
 TARGETS = {
     'optitrack/pose': POSE, 'ground_truth/odom': ODOMETRY, 'estimate/odom': ODOMETRY,
-    'onboard/odom': ODOMETRY, 'onboard/reference': POSE, 'imu/data_raw': 'sensor_msgs/msg/Imu',
+    'onboard/odom': ODOMETRY, 'onboard/reference': POSE, 'imu/data_raw': IMU,
     'sonar/range': 'sensor_msgs/msg/Range', 'battery': 'sensor_msgs/msg/BatteryState',
     'barometer/pressure': 'sensor_msgs/msg/FluidPressure',
     'optical_flow': 'mambo_interfaces/msg/OpticalFlow',
@@ -67,7 +70,7 @@ POSES = {
 NUMBERS = {
     **{kind: (*(f'{position}.{axis}' for axis in 'xyz'), *(f'{turn}.{axis}' for axis in 'xyzw'))
        for kind, (position, turn) in POSES.items()},
-    'sensor_msgs/msg/Imu': (*(f'angular_velocity.{axis}' for axis in 'xyz'),
+    IMU: (*(f'angular_velocity.{axis}' for axis in 'xyz'),
                             'linear_acceleration.z'),
     'sensor_msgs/msg/Range': ('range',), 'sensor_msgs/msg/FluidPressure': ('fluid_pressure',),
     'sensor_msgs/msg/BatteryState': ('voltage',)}
@@ -81,8 +84,8 @@ CAPTURED = ('optitrack/pose', 'ground_truth/odom')
 """Topics of measured or true poses: those of an estimate may drift far."""
 MOVING = (*CAPTURED, 'estimate/odom', 'onboard/odom', 'imu/data_raw')
 """Topics whose pace tells whether the unit of time is right."""
-NOTED = ('lost', 'unstamped', 'backwards', 'repeated', 'impossible')
-"""Counts of messages, by topic, that a summary gives."""
+NOTED = ('lost', 'unstamped', 'backwards', 'repeated', 'not finite', 'turned')
+"""What a summary says of messages, by topic; and the impossible ones."""
 LOOSE_NORM = 0.1  # [-] how far from 1 an orientation may be
 ONE_CLOCK = 10 * SECOND  # [ns] by which stamps of one clock may be apart: no message is that late
 
@@ -296,13 +299,14 @@ class Converted(NamedTuple):
     data: list[bytes]
     numbers: list[tuple[float, ...]]  # values of the fields of NUMBERS
     lost: int  # left out
+    turned: bool = False  # the velocity, into the axes of the body
 
     def only(self, use: NDArray[np.bool_]) -> Converted:
         """Return those messages, (n,), that are to be used."""
         rows = np.flatnonzero(use).tolist()
         lists = ([column[row] for row in rows]
                  for column in (self.log_time, self.stamps, self.data, self.numbers))
-        return Converted(*lists, self.lost)
+        return Converted(*lists, self.lost, self.turned)
 
 
 def _one_of(where: str, names: Mapping[str, set[str]]) -> None:
@@ -315,18 +319,49 @@ def _one_of(where: str, names: Mapping[str, set[str]]) -> None:
                            'its own')
 
 
+def _vector(message: Any, names: str) -> list[float]:
+    """Return fields of one letter each."""
+    return [getattr(message, name) for name in names]
+
+
+def _in_world(messages: Sequence[Any]) -> bool:
+    """Return whether the velocity of odometry messages is in the axes of their poses."""
+    pose, stamps = [m.pose.pose for m in messages], [m.header.stamp for m in messages]
+    found = world_twist.axes_of(
+        np.array([stamp.sec + 1e-9 * stamp.nanosec for stamp in stamps]),
+        *(np.array(rows, float).reshape(len(messages), -1) for rows in (
+            [_vector(one.position, 'xyz') for one in pose],
+            [_vector(one.orientation, 'xyzw') for one in pose],
+            [_vector(m.twist.twist.linear, 'xyz') for m in messages])))
+    same = all(m.child_frame_id and m.child_frame_id == m.header.frame_id for m in messages)
+    return found == 'world' or same and not found
+
+
+def _turn_twist(message: Any) -> None:
+    """Turn the twist of an odometry message from the axes of its pose into those of its body."""
+    turn = Rotation.from_quat(_vector(message.pose.pose.orientation, 'xyzw')).inv().as_matrix()
+    for part in (message.twist.twist.linear, message.twist.twist.angular):
+        part.x, part.y, part.z = (turn @ _vector(part, 'xyz')).tolist()
+    both = np.kron(np.eye(2), turn)
+    covariance = both @ np.reshape(message.twist.covariance, (6, 6)) @ both.T
+    message.twist.covariance = covariance.reshape(-1)
+
+
 def _converted(
     store: Typestore, source: Path, messages: Messages, wanted: str,
 ) -> Converted:
     """Return the messages of a topic, converted to our type."""
-    kind, out = messages.type_name, Converted([], [], [], [], 0)
+    kind, objects = messages.type_name, list(messages.objects())
+    out = Converted([], [], [], [], 0, kind == wanted == ODOMETRY and _in_world(objects))
     names: dict[str, set[str]] = {'child_frame_id': set(), 'frame_id': set()}
-    for log_time, message in zip(messages.log_time.tolist(), messages.objects()):
+    for log_time, message in zip(messages.log_time.tolist(), objects):
         if _is_lost(kind, message):
             out = out._replace(lost=out.lost + 1)
             continue
         ours = (_copied(store, wanted, message) if kind == wanted
                 else _as_pose(store, kind, message))
+        if out.turned:
+            _turn_twist(ours)
         stamp = ours.header.stamp.sec * SECOND + ours.header.stamp.nanosec
         if stamp < 0 or not 0 <= log_time < 2**63:
             raise BagError(f'{messages.topic}: a message of the impossible time '
@@ -368,7 +403,7 @@ def _possible(where: str, ours: str, stamps: list[int], found: Converted) -> NDA
     times, kind = (each - each[0]) / SECOND, TARGETS[ours]
     if ours in MOVING:
         plausible.refuse_pace(f'{where}: its stamps', times)
-    if kind == 'sensor_msgs/msg/Imu':
+    if kind == IMU:
         known = np.isfinite(values).all(axis=1)
         upward = values[known, 3]
         plausible.refuse_degrees(where, times[known], values[known, :3])
@@ -468,10 +503,19 @@ def _details(
     for theirs, ours in topics.items():
         details[f'map {ours}'] = f'{theirs} ({bag.topics[theirs]})'
         row = np.array(stamps[theirs], np.int64)
-        counts = {'lost': ready[theirs].lost, 'unstamped': ready[theirs].stamps.count(0),
+        numbers = np.array(ready[theirs].numbers, float).reshape(len(row), -1)
+        measured = np.isfinite(numbers).any(axis=0)
+        finite = np.isfinite(numbers[:, measured]).all(axis=1)
+        without = sum(own == 0 != given for own, given in zip(
+            ready[theirs].stamps, stamps[theirs]))
+        counts = {'lost': ready[theirs].lost, 'unstamped': without,
                   'backwards': int((row < np.maximum.accumulate(row)).sum()),
-                  'repeated': int((np.diff(row) == 0).sum())}
+                  'repeated': int((np.diff(row) == 0).sum()),
+                  'not finite': int((~finite).sum()) if TARGETS[ours] == IMU else 0}
         details |= {f'{what} {ours}': count for what, count in counts.items() if count}
+        if ready[theirs].turned:
+            details[f'turned {ours}'] = ('its velocity was in the axes of its poses, and is now '
+                                         'in those of the body')
     return details
 
 
@@ -580,6 +624,8 @@ def main(arguments: list[str] | None = None) -> int:
             options.bag, options.output, dict(options.map), options.time)
         ignored = [] if details['ignored'] == 'nothing' else details['ignored'].split(', ')
         notes = [f'{key}: {value}' for key, value in details.items() if key.startswith(NOTED)]
+        notes += [outliers.describe(key.split()[1], int(count)) for key, count in details.items()
+                  if key.startswith('impossible ')]
         report(options.bag, options.output, counts, *notes, *unused(ignored))
 
     return guard('import_bag', work)

@@ -37,7 +37,8 @@ def flight():
     sonar[::5] = 0.01
     inner = Messages(
         stamp=stamps(), status=np.full(COUNT, 2), sonar_innovation=sonar,
-        health=np.zeros((COUNT, len(health.NAMES)), int), sonar_refused=np.zeros(COUNT, int),
+        health=np.zeros((COUNT, len(health.NAMES)), int),
+        age=np.zeros((COUNT, len(health.NAMES))), sonar_refused=np.zeros(COUNT, int),
         flow_refused=np.zeros(COUNT, int), barometer_refused=np.zeros(COUNT, int),
         sonar_test_ratio=nothing, flow_test_ratio=nothing, barometer_test_ratio=nothing,
         accel_bias=np.zeros((COUNT, 3)), gyro_bias=np.zeros((COUNT, 3)))
@@ -113,7 +114,9 @@ def test_each_sensor_is_told_by_its_own_health(flight, monkeypatch):
     values = np.ones((100, 1))
     values[60:] = np.nan  # what is no number is no sample
     flight['sonar/range'] = Messages(stamp=stamps()[:100], values=values)
+    inner['age'][:20, 1] = 0.005  # no sample that could be used
     lines = verdict(flight, flight).splitlines()[1:]
+    assert lines[1].endswith('of the time, without a usable sample in 4.0% of the steps')
     assert len(lines) == health.SONAR + len(judge.AIDING)
     assert lines[0] == f'  {health.NAMES[0]}: unhealthy for 10.0% of the time'
     assert lines[health.SONAR] == (

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+from scipy.spatial.transform import Rotation
 import yaml
 import zstandard
 
@@ -545,10 +546,60 @@ def test_what_cannot_be_one_vehicle_in_these_units_is_refused(
     refuse(source, tmp_path, capsys, text, f'{theirs}:={ours}')
 
 
+@pytest.mark.parametrize('frame, axes, turned', [
+    ('base_link', 'body', False), ('base_link', 'world', True), ('world', 'world', True),
+    ('world', 'body', False)])
+def test_a_velocity_in_the_axes_of_the_poses_is_turned(tmp_path, capsys, frame, axes, turned):
+    turn = Rotation.from_quat([0.0, 0.0, 0.6, 0.8])  # of every pose
+
+    def change(i, odometry):
+        t = 0.1 * i
+        odometry.header = header(10 * i)
+        odometry.child_frame_id = frame
+        place, velocity = odometry.pose.pose.position, odometry.twist.twist.linear
+        place.x, place.y = np.cos(t), 0.5 * np.sin(2.0 * t)
+        v, w = np.array([-np.sin(t), np.cos(2.0 * t), 0.0]), np.array([0.1, 0.2, 0.3])
+        if axes == 'body':
+            v, w = turn.inv().apply([v, w])
+        velocity.x, velocity.y, velocity.z = v
+        rates = odometry.twist.twist.angular
+        rates.x, rates.y, rates.z = w
+        odometry.twist.covariance = np.diag([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]).reshape(-1)
+    source = foreign(tmp_path / 'theirs', {'/odom': 'nav_msgs/msg/Odometry'}, change, SECOND // 10)
+    assert main([str(source), str(tmp_path / 'ours'), '--map', '/odom:=ground_truth/odom']) == 0
+    said = 'turned ground_truth/odom: its velocity was in the axes of its poses, and is now in'
+    assert (said in capsys.readouterr().out) == turned
+    found = read_bag(tmp_path / 'ours')['ground_truth/odom']
+    t = 0.1 * np.arange(N)
+    world = np.stack([-np.sin(t), np.cos(2.0 * t), 0.0 * t], axis=1)
+    np.testing.assert_allclose(found.velocity, turn.inv().apply(world), atol=1e-12)
+    np.testing.assert_allclose(
+        found['twist.twist.angular'], np.tile(turn.inv().apply([0.1, 0.2, 0.3]), (N, 1)))
+    covariance = found['twist.covariance'][0].reshape(6, 6)
+    np.testing.assert_allclose(np.diag(covariance).sum(), 21.0)
+    assert (abs(covariance[0, 1]) > 0.1) == turned  # the one of x and y is turned, too
+
+
+def test_samples_that_are_no_numbers_and_a_stamp_of_zero_are_counted(tmp_path, capsys):
+    def change(i, imu):
+        imu.header.stamp.sec, imu.header.stamp.nanosec = 0, 10_000_000 * i
+        if i % 5 == 0:
+            imu.linear_acceleration.z = np.nan
+    with BagWriter(tmp_path / 'theirs') as writer:
+        writer.add_topic('/imu', 'sensor_msgs/msg/Imu')
+        for i in range(N):
+            writer.write('/imu', raw('sensor_msgs/msg/Imu', i, change), 10_000_000 * i)
+    assert main([str(tmp_path / 'theirs'), str(tmp_path / 'ours'),
+                 '--map', '/imu:=imu/data_raw']) == 0
+    said = capsys.readouterr().out
+    assert 'not finite imu/data_raw: 10' in said and 'unstamped' not in said
+
+
 def test_impossible_poses_are_left_out_and_counted(tmp_path, capsys):
     source = foreign(tmp_path / 'theirs', {'/p': TYPES['/vrpn/mambo/pose']}, moved)
     assert main([str(source), str(tmp_path / 'bag'), '--map', '/p:=optitrack/pose']) == 0
-    assert 'impossible optitrack/pose: 5' in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert 'optitrack/pose: 5 impossible poses left out, reached faster than' in said
     ours = read_bag(tmp_path / 'bag')['optitrack/pose']
     i = np.delete(np.arange(N), range(20, 25))
     np.testing.assert_array_equal(ours.stamp, EPOCH + 10_000_000 * i)

@@ -5,6 +5,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 from mambo_analysis.importers import join
+from mambo_analysis.importers.common import Publisher
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import read_bag
 from mambo_bags.writer import BagWriter
@@ -79,6 +80,36 @@ def test_what_is_joined_can_be_asked_for_the_drift(log, take, tmp_path, capsys):
     join.join(log, take, tmp_path / 'joined')
     assert identify_drift.main([str(tmp_path / 'joined')]) == 0
     assert 'probability of each mechanism, alone or in a pair' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('own', ['estimate/odom', 'onboard/odom'])
+@pytest.mark.parametrize('change, said', [
+    ([1.0, 1.0, -1.0], 'falls where the drone rises'),
+    ([1.0, -1.0, 1.0], 'mirror image'), ([0.5, 0.5, 1.0], '')])
+def test_a_capture_is_compared_with_whatever_the_drone_says_of_itself(
+        tmp_path, own, change, said):
+    circle = read_bag(CIRCLE)
+    poses, truth = circle['optitrack/pose'], circle['estimate/odom']
+    with BagWriter(tmp_path / 'flight') as writer:
+        out = Publisher(writer, {own: 'nav_msgs/msg/Odometry',
+                                 'imu/data_raw': 'sensor_msgs/msg/Imu'})
+        for stamp, p, q in zip(truth.stamp.tolist(), truth.position, truth.orientation):
+            out.publish(own, stamp, 'odom', **out.odometry(
+                out.pose(p, q), np.zeros(3), np.zeros(3)))
+        imu = circle['imu/data_raw']
+        for stamp, w, a in zip(imu.stamp.tolist(), imu.angular_velocity,
+                               imu.linear_acceleration):
+            out.publish('imu/data_raw', stamp, 'base_link', **out.imu(w, a))
+    with BagWriter(tmp_path / 'take') as writer:
+        out = Publisher(writer, {'optitrack/pose': 'geometry_msgs/msg/PoseStamped'})
+        for stamp, p, q in zip(poses.stamp.tolist(), poses.position, poses.orientation):
+            out.publish('optitrack/pose', stamp, 'map', pose=out.pose(p * change, q))
+    arguments = tmp_path / 'flight', tmp_path / 'take', tmp_path / 'joined', 0.0
+    if said:
+        with pytest.raises(BagError, match=said):
+            join.join(*arguments)
+    else:
+        assert 'warning: ' in join.join(*arguments)
 
 
 def test_a_body_tracked_with_wrong_axes_is_told(log, take):
