@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from pathlib import Path
+import pickle
 import re
 
 import mambo
@@ -223,6 +224,14 @@ def test_a_controller_of_a_cell_is_flown_with_its_parameters():
     less = mambo.fly(one.scenario, parameters={'controller_node.Keep.share': 0.5})
     assert less.recording.thrust.max() == pytest.approx(0.5 * one.recording.thrust.max())
     assert 'Keep, sha256' in str(one.bag.attachments['scenario.yaml'])
+
+
+def test_a_flight_can_be_pickled_after_its_bag_was_asked_for(flight):
+    assert 'bag' in vars(flight) or flight.bag
+    found = pickle.loads(pickle.dumps(flight))
+    assert repr(found) == repr(flight)
+    np.testing.assert_array_equal(
+        found.bag['estimate/odom'].position, flight.bag['estimate/odom'].position)
 
 
 def test_flights_are_equal_to_themselves_alone(flight):

@@ -8,6 +8,7 @@ namespace of the drone, or absolute. A topic is decoded when it is first asked f
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+import copyreg
 from functools import cache, cached_property
 from pathlib import Path
 import re
@@ -42,6 +43,17 @@ SHORT_NAMES = {
     'pressure': ('fluid_pressure',),
 }
 """Short attribute name: candidate fields, of which the first existing one is used."""
+
+
+def _store_of(definitions: dict[str, Any]) -> Typestore:
+    """Return a type store of message definitions, as rosbags holds them."""
+    store = get_typestore(Stores.EMPTY)
+    store.register(definitions)
+    return store
+
+
+# rosbags makes its message classes at run time, under names that pickle cannot find
+copyreg.pickle(Typestore, lambda store: (_store_of, (dict(store.fielddefs),)))
 
 
 class FieldError(BagError, KeyError, AttributeError):

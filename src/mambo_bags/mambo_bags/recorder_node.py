@@ -69,7 +69,7 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
         p = self.params
         selected = _selected(p.topics)
         files = {'scenario.yaml': p.scenario, 'world.yaml': p.world}
-        attachments = {name: Path(file).read_text() for name, file in files.items() if file}
+        attachments = {name: Path(file).read_text('utf-8') for name, file in files.items() if file}
         self._times, self._early, self._failed = LogTimes(), EarlyMessages(), False
         self._odd: Counter[tuple[str, str]] = Counter()  # by topic and kind
         try:

@@ -1,6 +1,7 @@
 """Reading bags: our own against two other readers, those of rosbag2, and what is no bag."""
 
 from pathlib import Path
+import pickle
 import time
 
 from mambo_bags import columns
@@ -44,6 +45,20 @@ def test_columns_equal_what_rosbags_decodes_message_by_message(flight):
                 np.testing.assert_array_equal(ours[path], np.array(values))
                 checked += 1
     assert checked > 150
+
+
+def test_a_bag_can_be_pickled_before_and_after_it_was_decoded(flight):
+    bag = read_bag(flight)
+    whole = [pickle.loads(pickle.dumps(bag))]
+    bag['imu/data_raw'].acceleration, list(bag['estimate/odom'].objects())
+    whole.append(pickle.loads(pickle.dumps(bag)))
+    for found in whole:
+        assert found.topics == bag.topics and found.path == bag.path
+        for topic in SIMULATED:
+            assert found[topic].raw == bag[topic].raw
+            np.testing.assert_array_equal(found[topic].stamp, bag[topic].stamp)
+        np.testing.assert_array_equal(
+            found['estimate/odom'].position, bag['estimate/odom'].position)
 
 
 def test_vectors_and_quaternions_come_whole_and_in_the_frames_of_the_wire(flight):

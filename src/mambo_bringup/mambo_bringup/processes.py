@@ -122,7 +122,7 @@ class _Copy(_FORK.Process):
         super().__init__(target=_run_node, args=(module, arguments, write, os.getpid()))
         # do not run the handlers of this process
         before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
-        self.stdout = open(read, errors='replace')
+        self.stdout = open(read, encoding='utf-8', errors='replace')
         try:
             self.start()
         finally:  # also if the system refuses to fork
@@ -163,7 +163,8 @@ def _run_node(module: str, arguments: list[str], output: int, parent: int) -> No
     os.closerange(3, os.sysconf('SC_OPEN_MAX'))
     # whatever they were in this process, a notebook's or a test's
     sys.stdout, sys.stderr = (
-        open(number, 'w', buffering=1, errors='backslashreplace', closefd=False)
+        open(number, 'w', buffering=1, encoding='utf-8', errors='backslashreplace',
+             closefd=False)
         for number in (1, 2))
     os.environ.update(_ENVIRONMENT)
     sys.argv = [name, *arguments]

@@ -163,7 +163,8 @@ def _start(group: NodeGroup, nodes: list[tuple[str, tuple[str, str], list[str]]]
 def _write(file: Path, flight: scenarios.Scenario, run: Mapping[str, object],
            namespace: str) -> None:
     """Write the parameters of a flight's nodes, those of the run included."""
-    file.write_text(scenarios.commented_yaml(scenarios.override(flight, run), namespace))
+    text = scenarios.commented_yaml(scenarios.override(flight, run), namespace)
+    file.write_text(text, encoding='utf-8')
 
 
 def _invitation(without: Collection[str], namespaces: Collection[str], domain: int) -> str:

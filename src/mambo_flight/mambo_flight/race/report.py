@@ -86,7 +86,7 @@ def load(path: Path) -> tuple[dict[str, tuple[str, float]], list[Result]]:
 
     """
     try:
-        data = json.loads(path.read_text())
+        data = json.loads(path.read_text(encoding='utf-8'))
         return ({name: tuple(step) for name, step in data['steps_us'].items()},
                 [Result(**r) for r in data['results']])
     except OSError as error:

@@ -16,7 +16,7 @@ import sys
 from typing import Any
 
 from mambo_bags.cli.option_types import FLIGHT, WORKERS
-from mambo_bags.command import guard, interrupted, Parser
+from mambo_bags.command import guard, interrupted, Parser, program
 from mambo_model.whole_file import PICTURE, refuse_existing, refuse_other_kind
 import numpy as np
 
@@ -71,7 +71,7 @@ def sweep(
     journal = table.Journal(
         out.with_name(f'{out.name}.rows'), table.digest(flights, ideal))
     if said := table.continued(flights, journal):
-        print(f'sweep: {said}', file=sys.stderr)
+        print(f'{program("sweep")}: {said}', file=sys.stderr)
     try:
         run(flights, journal, ideal, workers, dask)
         data = table.columns(flights.sweep, journal.rows)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+import fcntl
 import hashlib
 import json
 from pathlib import Path
@@ -99,7 +100,7 @@ class Journal:
     Raises
     ------
     SweepError
-        If the file belongs to another sweep or cannot be written.
+        If the file belongs to another sweep, is being written or cannot be written.
 
     """
 
@@ -109,13 +110,27 @@ class Journal:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             header = _line({'sweep': head})
-            good = self._read(header) if path.exists() else 0
             self._stream = path.open('ab')
+            self._lock()
+            good = self._read(header)
             self._stream.truncate(good)  # drop a line that an interruption cut off
             if not good:
                 self._put(header)
+        except SweepError:
+            self._stream.close()
+            raise
         except OSError as error:
             raise SweepError(f'{path}: {error.strerror}') from None
+
+    def _lock(self) -> None:
+        """Refuse a file that another process writes, until that ends."""
+        try:
+            fcntl.flock(self._stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise SweepError(f'{self.path}: is written by another process now: let it end, or '
+                             'give another --output') from None
+        except OSError:  # a file system without locks
+            pass
 
     def _read(self, header: bytes) -> int:
         """Read the finished rows; return the length in bytes of the lines that are sound."""

@@ -90,6 +90,18 @@ def test_the_rows_of_another_sweep_are_refused_and_stay(tmp_path):
     assert journal.path.read_bytes() == before
 
 
+def test_a_journal_that_is_being_written_is_refused_until_it_is_closed(tmp_path):
+    journal = Journal(tmp_path / 'rows', 'a')
+    journal.add(0, {'rms': 1.0})
+    before = journal.path.read_bytes()
+    for head in 'ab':
+        with pytest.raises(SweepError, match='rows: is written by another process now: let it'):
+            Journal(journal.path, head)
+    assert journal.path.read_bytes() == before
+    journal.close()
+    assert rows_of(journal.path) == {0: {'rms': 1.0}}
+
+
 def test_a_journal_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / 'file').write_text('')
     with pytest.raises(SweepError, match='file'):
