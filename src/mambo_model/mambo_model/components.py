@@ -276,6 +276,9 @@ class Registry:
 
     def _checked(self, c: Component) -> Component:
         """Return a component after checking that it fits its kind."""
+        if c.name == 'lambda':
+            raise ParameterError(f'{c.path}: the {self.kind} is a lambda, which has no name: '
+                                 'write it as a function (def)')
         if not c.name.isidentifier() or keyword.iskeyword(c.name) or c.name in self.names:
             raise ParameterError(
                 f'{c.path}: the {self.kind} must have a name that is a word and not one of '

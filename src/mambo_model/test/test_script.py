@@ -51,6 +51,11 @@ def test_arguments_that_python_cannot_tell_are_refused():
         WithoutMemory(type, ('x', 'dt'), 'type')
 
 
+def test_a_lambda_is_refused_as_one():
+    with pytest.raises(ParameterError, match='is a lambda, which has no name: write it as a fun'):
+        Registry('law', ('memory', 'x', 'dt', 'gains'), {}).offer(lambda x, dt: x)
+
+
 def test_an_offered_one_is_found_by_its_name_alone():
     registry = Registry('law', ('memory', 'x', 'dt', 'gains'), {})
     name = registry.offer(law)

@@ -179,7 +179,10 @@ def _message(path: Path | None, error: Exception, name: str = '') -> str:
 def _values(source: Source, t: float) -> Array:
     """Return the value of a function at a time, rows of x, y, z and yaw; may raise InputError."""
     try:
-        values = np.asarray(source.function(t), dtype=float)
+        found = np.asarray(source.function(t))
+        if found.dtype.kind in 'US':  # which numpy would read as numbers
+            raise TypeError(f'{found.tolist()} is text, not numbers')
+        values = found.astype(float)
     except Exception as error:
         raise InputError(f'{_message(source.path, error, source.name)}, at t = {t:g} s') from None
     rows = values if values.ndim == 2 else values[None]

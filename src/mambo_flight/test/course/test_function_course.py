@@ -34,6 +34,7 @@ def test_three_numbers_have_no_yaw():
 
 
 @pytest.mark.parametrize(('function', 'message'), [
+    (lambda t: ('1', 0.0, -1.0), r'is text, not numbers, at t = 0 s'),
     (lambda t: (t, 0.0), r'the function: returns an array of shape \(2,\) at t = 0 s; it must be'),
     (lambda t: (t, math.nan, -1.0), r'the function: returns \[0.0, nan, -1.0'),
     (lambda t: (abs(t - 0.9), 0.0, -1.0), 'is not smooth enough: with 512 polynomials'),
