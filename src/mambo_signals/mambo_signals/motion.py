@@ -40,7 +40,9 @@ class Motion:
     impossible
         Number of impossible poses that were rejected, see :mod:`mambo_signals.outliers`.
     frame
-        Name of the frame of the poses in the messages.
+        Name of the frame of the poses in the messages, of the first one.
+    frames
+        Names of all of them, if there are several.
 
     """
 
@@ -51,6 +53,7 @@ class Motion:
     velocity: Floats | None = None
     impossible: int = 0
     frame: str = ''
+    frames: tuple[str, ...] = ()
 
     @property
     def t(self) -> Floats:
@@ -168,11 +171,13 @@ def read(bag: Bag, topic: str) -> Motion:
         raise BagError(
             f'{bag.path}: {name} has {len(kept)} usable sample{"s" * (len(kept) != 1)} of '
             f'{len(messages)}; two are needed for a comparison')
-    prefix = f'{bag.namespace}/'
+    prefix, frames = f'{bag.namespace}/', messages['header.frame_id']
+    found = set(frames.tolist()) - {''}  # some publishers leave it out at times
+    several = tuple(sorted(found)) if len(found) > 1 else ()
     return Motion(
         name[len(prefix):] if bag.namespace and name.startswith(prefix) else name, stamps[kept],
         position[kept], q, None if velocity is None else velocity[kept], impossible,
-        str(messages['header.frame_id'][0]))
+        str(frames[0]), several)
 
 
 def candidates(bag: Bag) -> list[str]:

@@ -15,6 +15,7 @@ from mambo_signals.resample import Floats, Ints
 import numpy as np
 
 from ..importers.checks import plausible
+from ..importers.common import quoted, shortened
 
 XYZ = ('x', 'y', 'z')
 GRID = 10_000_000  # [ns] sample period for the search of a delay
@@ -365,8 +366,11 @@ def section(quantity: Quantity, title: str, phases: Phases) -> dict[str, Any]:
 
 
 def left_out(motions: Collection[Motion]) -> list[str]:
-    """Return a line for each motion from which impossible poses were removed."""
-    return [outliers.describe(m.name, m.impossible) for m in motions if m.impossible]
+    """Return a line for each motion without its impossible poses, or of more than one frame."""
+    return [outliers.describe(m.name, m.impossible) for m in motions if m.impossible] + [
+        f'{m.name}: its poses are in {len(m.frames)} frames, frame_id '
+        f'{shortened([quoted(name) for name in m.frames])}: they are compared as if in one'
+        for m in motions if m.frames]
 
 
 def _contradictions(a: Motion, b: Motion) -> list[str]:

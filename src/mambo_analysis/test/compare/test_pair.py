@@ -5,7 +5,9 @@ import json
 
 from mambo_analysis.compare import pair, report, tables
 from mambo_analysis.compare.compare import compare, compare_bags, main
+from mambo_analysis.importers.common import Publisher
 from mambo_bags.reader import BagError, read_bag
+from mambo_bags.writer import BagWriter
 from mambo_signals import metrics, motion
 from mambo_signals.flight_phases import detect_phases, Phases
 import numpy as np
@@ -253,6 +255,21 @@ def test_a_capture_that_contradicts_the_path_of_the_drone_is_told(change, said):
     path = np.stack([np.cos(t), np.sin(2.0 * t), 0.0 * t], axis=1)
     found = pair._contradictions(moving(path), moving(path * (*change, 1.0)))
     assert len(found) == bool(said) and (not said or said in found[0])
+
+
+@pytest.mark.parametrize('names, told', [
+    (('map',), False), (('map', ''), False), (('map', 'lab'), True)])
+def test_poses_of_several_frames_in_one_topic_are_told(tmp_path, names, told):
+    with BagWriter(tmp_path / 'bag') as writer:
+        out = Publisher(writer, {'optitrack/pose': 'geometry_msgs/msg/PoseStamped'})
+        for i in range(10):
+            out.publish('optitrack/pose', i * 10_000_000, names[i % len(names)],
+                        pose=out.pose((0.01 * i, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0)))
+    found = motion.read(read_bag(tmp_path / 'bag'), 'optitrack/pose')
+    assert found.frame == 'map'
+    assert pair.left_out((found,)) == ([
+        "optitrack/pose: its poses are in 2 frames, frame_id 'lab', 'map': they are compared as "
+        'if in one'] if told else [])
 
 
 @pytest.mark.parametrize('nothing', [None, 0.0])
