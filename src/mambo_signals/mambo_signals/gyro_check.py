@@ -26,6 +26,7 @@ LEAST = 0.3         # correlation, half of the least that was seen
 SEARCH = 1.0        # s, lateness that is looked for: more than a period of most turning
 STEP = 0.01         # s, of the search: below it nothing depends on the clock
 LEAST_SAMPLES = 50  # of both, to compare them
+LEAST_TIME = 2.0    # s that they cover: nine windows. 1.1 s showed other axes by chance
 GAP = 0.1           # s, over which samples are connected
 ALIKE = 0.6         # correlation of three axes together; of real flights 0.75 to 0.99
 SURE = 0.8          # correlation of an axis that tells its unit
@@ -101,7 +102,8 @@ def _beside(late: float, at: Floats, rates: Floats, t: Floats, gyro: Floats) -> 
     """Return how rates (m, 3) that are so late, s, agree with a gyro (n, 3)."""
     there = interpolate(at - late, t, gyro, GAP)
     both = np.isfinite(there).all(axis=1)
-    if both.sum() < LEAST_SAMPLES:
+    apart = np.diff(at[both])
+    if both.sum() < LEAST_SAMPLES or apart[apart < GAP].sum() < LEAST_TIME:
         return None
     x, y = rates[both] - rates[both].mean(axis=0), there[both] - there[both].mean(axis=0)
     sx, sy = x.std(axis=0), y.std(axis=0)

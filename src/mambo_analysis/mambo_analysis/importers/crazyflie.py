@@ -6,7 +6,8 @@ flight client of the course AE 483 of the University of Illinois writes it from 
 with flow deck and a motion capture, Qualisys there. Everything is z up and FLU already
 (``controller_ae483.c``; yaw, pitch, roll are intrinsic z, y, x). Times are the drone's, since it
 was switched on; the parts of one instant come in several packets some ms apart, each possibly
-lost.
+lost. Logs of the course's first years are read, too: ``{name: {time, data}}`` without a motion
+capture, whose times are whole milliseconds, and ``o_x`` for ``p_x``.
 
 Inertial sensors
     ``w_*`` is the gyro in rad/s. ``a_z`` is g times the accelerometer, the specific force: at
@@ -86,7 +87,7 @@ from .common import (
     estimator_parameters, importer_parser, is_sound, LONGEST, NAMESPACE, new_samples, provenance,
     Publisher, read_source, refuse_options, report, Source, stamps_ns, unused)
 from .crazyflie_names import (
-    GOAL, GYRO, MOCAP, MOTORS, ODOMETRY, RATES, SAME_TURNING, USED)
+    FORMER, GOAL, GYRO, MOCAP, MOTORS, ODOMETRY, RATES, SAME_TURNING, USED)
 
 Floats = NDArray[np.float64]
 COUNTS_PER_RADIAN = 10.0 * 35.0 / 0.71674
@@ -123,6 +124,8 @@ class Log:
         How many rows those were.
     ignored
         Names of the signals that nothing is made of.
+    former
+        Whether the file has the layout of the course's first years.
     steep
         {name: values beyond a quarter turn that were left out}, of the pitches that had some.
 
@@ -133,6 +136,7 @@ class Log:
     lost: int
     impossible: int
     ignored: list[str]
+    former: bool
     steep: dict[str, int]
 
     def has(self, *names: str) -> bool:
@@ -148,12 +152,16 @@ class Log:
         return out
 
 
-def _series(path: Path, name: str, times: Any, data: Any) -> tuple[Floats, Floats]:
-    """Return one signal, checked."""
+def _numbers(path: Path, name: str, values: Any) -> Floats:
     try:
-        t, v = np.asarray(times, float), np.asarray(data, float)
+        return np.asarray(values, float)
     except (TypeError, ValueError, OverflowError):
         raise BagError(f'{path}: {name} holds what is no number') from None
+
+
+def _series(path: Path, name: str, times: Any, data: Any) -> tuple[Floats, Floats]:
+    """Return one signal, checked."""
+    t, v = _numbers(path, name, times), _numbers(path, name, data)
     if t.ndim != 1 or t.shape != v.shape:
         raise BagError(f'{path}: {name} has {t.size} times and {v.size} values')
     if not np.isfinite(t).all() or (t < 0.0).any():
@@ -164,6 +172,45 @@ def _series(path: Path, name: str, times: Any, data: Any) -> tuple[Floats, Float
     if len(back):
         raise BagError(f'{path}: the times of {name} do not increase after {t[back[0]]:g} s')
     return t, v
+
+
+def _is_signal(entry: Any) -> bool:
+    return isinstance(entry, dict) and {'time', 'data'} <= set(entry)
+
+
+def _former(path: Path, entries: dict[str, Any]) -> dict[str, Any]:
+    """Return the signals of a log of the course's first years, whose times are whole ms, in s."""
+    out = {}
+    for name, entry in entries.items():
+        if _is_signal(entry):
+            times = _numbers(path, name, entry['time'])
+            whole = np.isfinite(times).all() and (times == np.round(times)).all()
+            entry = entry | {'time': times * (1e-3 if whole else 1.0)}
+        out[name] = entry
+    return out
+
+
+def _signals(
+    path: Path, entries: dict[str, Any],
+) -> tuple[dict[str, tuple[Floats, Floats]], list[str]]:
+    """Return the finite samples of each signal, and the names of damaged ones, if not used."""
+    drone, damaged = {}, []
+    for name, entry in entries.items():
+        group, _, short = name.partition('.')
+        short = FORMER.get(short, short) if group == 'ae483log' else name
+        try:
+            if not _is_signal(entry):
+                raise BagError(f'{path}: {name} is not built as {{time, data}}')
+            t, v = _series(path, name, entry['time'], entry['data'])
+        except BagError:
+            if short in (*USED, *GYRO):
+                raise
+            damaged.append(name)
+            continue
+        good = np.isfinite(v)
+        if good.any():
+            drone[short] = t[good], v[good]
+    return drone, damaged
 
 
 def read_log(source: Source) -> Log:
@@ -181,17 +228,13 @@ def read_log(source: Source) -> Log:
         found = json.loads(source.text())
     except (ValueError, RecursionError) as error:
         raise BagError(f'{path}: no JSON file, or cut off ({error})') from None
+    former = isinstance(found, dict) and 'drone' not in found and any(
+        map(_is_signal, found.values()))
+    if former:
+        found = {'drone': _former(path, found)}
     if not isinstance(found, dict) or not isinstance(found.get('drone'), dict):
         raise BagError(f'{path}: no Crazyflie log: it has no "drone" with signals')
-    drone = {}
-    for name, entry in found['drone'].items():
-        if not isinstance(entry, dict) or not {'time', 'data'} <= set(entry):
-            raise BagError(f'{path}: {name} is not built as {{time, data}}')
-        t, v = _series(path, name, entry['time'], entry['data'])
-        good = np.isfinite(v)
-        if good.any():
-            group, _, short = name.partition('.')
-            drone[short if group == 'ae483log' else name] = t[good], v[good]
+    drone, ignored = _signals(path, found['drone'])
     mocap, lost, impossible, pitches = _mocap(path, found.get('mocap') or {})
     steep = {'mocap pitch': pitches}
     if 'theta' in drone:
@@ -199,7 +242,8 @@ def read_log(source: Source) -> Log:
         steep['theta'] = int(wrong.sum())
         drone['theta'] = drone['theta'][0][~wrong], drone['theta'][1][~wrong]
     known = {*USED, *(() if 'w_x' in drone else GYRO)}
-    log = Log(drone, mocap, lost, impossible, [name for name in drone if name not in known],
+    ignored += [name for name in drone if name not in known]
+    log = Log(drone, mocap, lost, impossible, ignored, former,
               {name: count for name, count in steep.items() if count})
     if not (log.has(*RATES) or log.has('gyro.x', 'gyro.y', 'gyro.z')):
         raise BagError(f'{path}: no gyro (ae483log.w_x, w_y, w_z or gyro.x, y, z) with finite '
@@ -289,6 +333,8 @@ def mocap_offset(log: Log) -> Offset:
     if not log.has('r'):
         raise AlignError('there is no range (ae483log.r) to align with')
     t, r = log.drone['r']
+    if not (r > 0.0).any():
+        raise AlignError('the range (ae483log.r) is never above 0')
     new = new_samples(r)
     new = new[r[new] > 0.0]
     return time_offset(t[new], r[new], log.mocap[:, 0], log.mocap[:, 3])
@@ -632,6 +678,8 @@ def import_crazyflie(
         'repeated_flow': repeated_flow, 'motor_pwm_unit': 'counts, 0 to 65535',
         'mocap_frames_lost': log.lost, 'mocap_poses_impossible': log.impossible,
         'ignored': ', '.join(log.ignored) or 'nothing', **details,
+        **({'layout': "of the course's first years: times in ms, o_x for p_x"}
+           if log.former else {}),
         **({'beyond_quarter_turn': '; '.join(_left_out(log))} if log.steep else {}),
         **{key: '; '.join(lines) for key, lines in (
             ('incomplete', crazyflie_doubts.incomplete(log)),
@@ -682,7 +730,7 @@ def main(arguments: list[str] | None = None) -> int:
             options.log, options.output, options.counts_per_radian, options.mocap_offset,
             options.level, options.repeated_flow)
         notes = [f'{key}: {details[key]}' for key in details if key.startswith(
-            ('mocap', 'range', 'accelerometer'))]
+            ('layout', 'mocap', 'range', 'accelerometer'))]
         for key in ('beyond_quarter_turn', 'incomplete', 'unusual'):
             notes += details[key].split('; ') if key in details else []
         ignored = [] if details['ignored'] == 'nothing' else details['ignored'].split(', ')

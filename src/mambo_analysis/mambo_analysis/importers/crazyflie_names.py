@@ -19,3 +19,5 @@ USED = (*RATES, 'a_z', 'r', 'n_x', 'n_y', *MOTORS, 'p_x', 'p_y', 'p_z', 'psi',
 ODOMETRY = ('p_x', 'p_y', 'p_z', 'psi', 'theta', 'phi', 'v_x', 'v_y', 'v_z', *RATES)
 GOAL = ('p_x_des', 'p_y_des', 'p_z_des')
 MOCAP = ('x', 'y', 'z', 'yaw', 'pitch', 'roll')
+FORMER = {f'o_{axis}{end}': f'p_{axis}{end}' for axis in 'xyz' for end in ('', '_des')}
+"""Present name of each signal that the course has renamed."""

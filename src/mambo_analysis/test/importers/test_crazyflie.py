@@ -93,6 +93,33 @@ def test_signals_that_are_not_used_are_named(tmp_path, capsys):
     assert 'not used: pm.vbat\n' in capsys.readouterr().out
 
 
+def test_a_damaged_signal_that_is_not_used_costs_nothing(tmp_path, capsys):
+    log = flight()
+    log['drone']['ctrltarget.y'] = {'time': [11.0, 10.0], 'data': [1.0, 2.0]}
+    log['drone']['pm.vbat'] = 3.9
+    source = save(tmp_path / 'log.json', log)
+    assert main([str(source), str(tmp_path / 'bag'), '--mocap-offset', 'none']) == 0
+    assert 'not used: ctrltarget.y, pm.vbat\n' in capsys.readouterr().out
+
+
+def test_a_log_of_the_first_years_is_that_of_today(tmp_path, capsys):
+    """Signals at the top, the drone's ms for times, o_x for p_x; no motion capture."""
+    drone = flight()['drone']
+    former = {name.replace('.p_', '.o_'): {
+        'time': [round(1e3 * t) for t in entry['time']], 'data': entry['data']}
+        for name, entry in drone.items()}
+    for name, log in (('today', {'drone': drone, 'mocap': {}}),
+                      ('former', former | {'start_time': 10000, 'end_time': 30000})):
+        assert main([str(save(tmp_path / f'{name}.json', log)), str(tmp_path / name)]) == 0
+    printed = capsys.readouterr().out
+    assert printed.count("layout: of the course's first years: times in ms, o_x for p_x\n") == 1
+    assert 'not used: start_time, end_time\n' in printed
+    today, before = (read_bag(tmp_path / name) for name in ('today', 'former'))
+    assert before.topics == today.topics and len(before.topics) == 7
+    for topic in today.topics:
+        assert before[topic].raw == today[topic].raw
+
+
 @pytest.mark.parametrize(('name', 'lines'), [
     ('w_y', [
         'imu/data_raw: 1901 of 2000 samples left out: some of its signals are missing there (w_x '

@@ -38,6 +38,7 @@ UNIT = 5.0  # [-] between the path of the position and that of the velocity
 LEAST_PATH = 0.5  # [m] that tells a unit
 APART = 5.0  # [m] median distance of drone and goal
 PIECE = 0.5  # [s] over which displacements are compared
+GAP = 0.1  # [s] within a piece, at most
 FASTEST = 3.0  # [m/s] of a piece; more is a jump of the estimate
 AVERAGE = 0.1  # [s] over which the flow is averaged
 LOWEST = 0.2  # [m] at which the flow counts
@@ -77,11 +78,14 @@ def unusual(log: Log) -> list[str]:
     """Return a line for each signal that is in another unit, order or sign than the course's."""
     lines = []
     if log.has(*MOTORS) and (most := max(log.drone[name][1].max() for name in MOTORS)) < LEAST_PWM:
-        lines.append(f'motor_pwm: the commands are up to {most:.4g}, not up to 65535: check their '
-                     'unit before you use them')
+        lines.append(
+            f'motor_pwm: the commands are up to {most:.4g}, not up to 65535: check their unit '
+            'before you use them' if most else 'motor_pwm: the commands are 0 throughout')
     if log.has('n_x', 'n_y'):
         most = max(np.percentile(np.abs(log.drone[name][1]), 99.0) for name in ('n_x', 'n_y'))
-        if most < 1.0:
+        if not any(log.drone[name][1].any() for name in ('n_x', 'n_y')):
+            lines.append('optical_flow: n_x and n_y are 0 throughout')
+        elif most < 1.0:
             lines.append(f'optical_flow: n_x and n_y are up to {most:.4g}, not whole counts: '
                          'check their unit before you use them')
     if log.has(*ODOMETRY):
@@ -96,8 +100,9 @@ def unusual(log: Log) -> list[str]:
             log.drone[GOAL[0]][0], 'p_x', 'p_y', 'p_z'), axis=1)
         far = far[np.isfinite(far)]
         if len(far) and (usual := float(np.median(far))) > APART:
-            lines.append(f'onboard/reference: the goals are {usual:.4g} m from the drone '
-                         f'(median): check the unit of {", ".join(GOAL)} before you use them')
+            lines.append(f'onboard/reference: the goals are {usual:.4g} m from where the drone '
+                         f'takes itself to be (median): check the unit of {", ".join(GOAL)}, and '
+                         'whether its estimate has diverged')
     return lines
 
 
@@ -117,7 +122,10 @@ def _odometry(t: Floats, state: Floats) -> list[str]:
     edges = np.arange(t[0], t[-1], PIECE)
     own, seen = (np.column_stack([np.diff(np.interp(edges, t, x)) for x in y.T])
                  for y in (integral, state[:, :3]))
-    steady = np.linalg.norm(seen, axis=1) < FASTEST * PIECE
+    gaps = np.concatenate([[0], np.cumsum(np.diff(t) > GAP)])
+    first, last = np.searchsorted(t, edges[:-1], 'right') - 1, np.searchsorted(t, edges[1:])
+    whole = gaps[first] == gaps[last]
+    steady = whole & (np.linalg.norm(seen, axis=1) < FASTEST * PIECE)
     return lines + _turned(own[steady], seen[steady], [
         f'onboard/odom: v_{x} shows the motion of {{}}' for x in 'xyz'],
         ('p_x', 'p_y', 'p_z'))
