@@ -185,7 +185,7 @@ def _former(path: Path, entries: dict[str, Any]) -> dict[str, Any]:
         if _is_signal(entry):
             times = _numbers(path, name, entry['time'])
             whole = np.isfinite(times).all() and (times == np.round(times)).all()
-            entry = entry | {'time': times * (1e-3 if whole else 1.0)}
+            entry = entry | {'time': times / (1e3 if whole else 1.0)}
         out[name] = entry
     return out
 
