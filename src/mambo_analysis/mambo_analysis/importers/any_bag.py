@@ -7,7 +7,8 @@ their possible names. Headers, values and log times are copied; messages are wri
 definitions installed here, fields that the source lacks are 0. A pose can be taken from
 PoseStamped, PoseWithCovarianceStamped, TransformStamped or Odometry. Poses with a value that is
 not finite or an orientation of length 0, as trackers give for a lost body, are left out and
-counted; so are poses that no vehicle can reach (:mod:`mambo_signals.outliers`). A velocity in the
+counted; so are poses that no vehicle can reach (:mod:`mambo_signals.outliers`), and frozen ones
+(:mod:`mambo_signals.frozen`). A velocity in the
 axes of the poses is turned into those of the body (:mod:`.checks.world_twist`). A topic of several
 bodies or frames, and values that cannot be in the units of their type, are refused.
 
@@ -38,7 +39,7 @@ from mambo_bags.reader import Messages, read_bag, read_listing
 from mambo_bags.writer import BagWriter
 from mambo_model.errors import InputError
 from mambo_ros import cdr
-from mambo_signals import outliers
+from mambo_signals import frozen, outliers
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
@@ -85,7 +86,7 @@ CAPTURED = ('optitrack/pose', 'ground_truth/odom')
 MOVING = (*CAPTURED, 'estimate/odom', 'onboard/odom', 'imu/data_raw')
 """Topics whose pace tells whether the unit of time is right."""
 NOTED = ('lost', 'unstamped', 'backwards', 'repeated', 'not finite', 'turned')
-"""What a summary says of messages, by topic; and the impossible ones."""
+"""What a summary says of messages, by topic; and the impossible and the frozen ones."""
 LOOSE_NORM = 0.1  # [-] how far from 1 an orientation may be
 ONE_CLOCK = 10 * SECOND  # [ns] by which stamps of one clock may be apart: no message is that late
 
@@ -376,9 +377,11 @@ def _converted(
     return out
 
 
-def _possible(where: str, ours: str, stamps: list[int], found: Converted) -> NDArray[np.bool_]:
+def _possible(
+    where: str, ours: str, stamps: list[int], found: Converted,
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """
-    Return which messages of a topic can be.
+    Return which messages of a topic can be, and which are no frozen poses.
 
     Parameters
     ----------
@@ -411,12 +414,18 @@ def _possible(where: str, ours: str, stamps: list[int], found: Converted) -> NDA
     elif kind in SINGLE:  # a range without an echo is infinite, a voltage may be unknown
         SINGLE[kind](where, values[np.isfinite(values[:, 0]), 0])
     elif kind in POSES and ours != 'onboard/reference':
-        wrong = outliers.refuse_most(where, times, values[:, :3], values[:, 3:])
-        if ours in CAPTURED:
-            plausible.refuse_far(where, values[~wrong, :3])
+        still = np.zeros(len(each), bool)
         if ours == 'optitrack/pose':
-            return ~np.isin(given, each[wrong])
-    return np.ones(len(stamps), bool)
+            still = frozen.frozen(times, values[:, :3], values[:, 3:])
+        moves = np.flatnonzero(~still)
+        wrong = moves[outliers.refuse_most(
+            where, times[moves], values[moves, :3], values[moves, 3:])]
+        if ours in CAPTURED:
+            plausible.refuse_far(where, np.delete(values[:, :3], wrong, axis=0))
+        if ours == 'optitrack/pose':
+            return ~np.isin(given, each[wrong]), ~np.isin(given, each[still])
+    every = np.ones(len(stamps), bool)
+    return every, every
 
 
 def _apart(lag: int) -> str:
@@ -561,11 +570,14 @@ def import_bag(
     stamps = _stamps(source, ready, time)
     details = _details(bag, topics, ready, stamps)
     for theirs, ours in topics.items():
-        possible = _possible(f'{source}: {theirs}', ours, stamps[theirs], ready[theirs])
-        if not possible.all():
-            details[f'impossible {ours}'] = int((~possible).sum())
-            ready[theirs] = ready[theirs].only(possible)
-            stamps[theirs] = np.array(stamps[theirs], np.int64)[possible].tolist()
+        possible, moving = _possible(
+            f'{source}: {theirs}', ours, stamps[theirs], ready[theirs])
+        for what, good in (('impossible', possible), ('frozen', moving)):
+            if not good.all():
+                details[f'{what} {ours}'] = int((~good).sum())
+        if not (kept := possible & moving).all():
+            ready[theirs] = ready[theirs].only(kept)
+            stamps[theirs] = np.array(stamps[theirs], np.int64)[kept].tolist()
     details['time'] = time or 'header'
     details['ignored'] = ', '.join(sorted(set(bag.topics) - set(topics))) or 'nothing'
     record = provenance(source.name, bag.sha256, 'import_bag', 'rosbag2', details)
@@ -624,8 +636,9 @@ def main(arguments: list[str] | None = None) -> int:
             options.bag, options.output, dict(options.map), options.time)
         ignored = [] if details['ignored'] == 'nothing' else details['ignored'].split(', ')
         notes = [f'{key}: {value}' for key, value in details.items() if key.startswith(NOTED)]
-        notes += [outliers.describe(key.split()[1], int(count)) for key, count in details.items()
-                  if key.startswith('impossible ')]
+        notes += [about.describe(key.split()[1], int(count))
+                  for what, about in (('impossible', outliers), ('frozen', frozen))
+                  for key, count in details.items() if key.startswith(f'{what} ')]
         report(options.bag, options.output, counts, *notes, *unused(ignored))
 
     return guard('import_bag', work)

@@ -21,7 +21,7 @@ from typing import Any
 from mambo_bags.command import guard, nearest, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
-from mambo_signals import outliers
+from mambo_signals import frozen, outliers
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -210,6 +210,11 @@ class _Rows:
     def _optitrack_pose(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:
         position, turn = self._pose(topic, found, usable)
         rows = np.flatnonzero(usable)
+        still = frozen.frozen(self.times['optitrack/pose'][rows], position[rows], turn[rows])
+        if still.any():
+            usable[rows[still]] = False
+            self.notes.append(frozen.describe('optitrack/pose', int(still.sum())))
+        rows = rows[~still]
         wrong = outliers.refuse_most(
             f'{self.path}: optitrack/pose', self.times['optitrack/pose'][rows], position[rows],
             turn[rows])

@@ -73,7 +73,7 @@ from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
-from mambo_signals import clock_check, gyro_check, height_check, outliers
+from mambo_signals import clock_check, frozen, gyro_check, height_check, outliers
 from mambo_signals.derivative import body_rates
 from mambo_signals.resample import interpolate
 from mambo_signals.time_offset import (
@@ -120,8 +120,8 @@ class Log:
     mocap : (m, 7)
         s of its own clock, m, rad; without the rows in which markers were lost, and without
         those that cannot be true.
-    lost, impossible
-        How many rows those were.
+    lost, impossible, still
+        How many rows those were; the last repeat a pose while the body moves on.
     ignored
         Names of the signals that nothing is made of.
     former
@@ -135,6 +135,7 @@ class Log:
     mocap: Floats
     lost: int
     impossible: int
+    still: int
     ignored: list[str]
     former: bool
     steep: dict[str, int]
@@ -235,7 +236,7 @@ def read_log(source: Source) -> Log:
     if not isinstance(found, dict) or not isinstance(found.get('drone'), dict):
         raise BagError(f'{path}: no Crazyflie log: it has no "drone" with signals')
     drone, ignored = _signals(path, found['drone'])
-    mocap, lost, impossible, pitches = _mocap(path, found.get('mocap') or {})
+    mocap, lost, impossible, still, pitches = _mocap(path, found.get('mocap') or {})
     steep = {'mocap pitch': pitches}
     if 'theta' in drone:
         wrong = plausible.refuse_steep(f'{path}: theta', *drone['theta'])
@@ -243,7 +244,7 @@ def read_log(source: Source) -> Log:
         drone['theta'] = drone['theta'][0][~wrong], drone['theta'][1][~wrong]
     known = {*USED, *(() if 'w_x' in drone else GYRO)}
     ignored += [name for name in drone if name not in known]
-    log = Log(drone, mocap, lost, impossible, ignored, former,
+    log = Log(drone, mocap, lost, impossible, still, ignored, former,
               {name: count for name, count in steep.items() if count})
     if not (log.has(*RATES) or log.has('gyro.x', 'gyro.y', 'gyro.z')):
         raise BagError(f'{path}: no gyro (ae483log.w_x, w_y, w_z or gyro.x, y, z) with finite '
@@ -298,12 +299,12 @@ def _check_unit(path: Path, log: Log) -> None:
             f'attitude {", ".join(attitude)}: give it in {names}')
 
 
-def _mocap(path: Path, found: Any) -> tuple[Floats, int, int, int]:
-    """Return the poses, and how many were lost, were impossible, had an impossible pitch."""
+def _mocap(path: Path, found: Any) -> tuple[Floats, int, int, int, int]:
+    """Return the poses, and how many were lost, impossible, frozen, had an impossible pitch."""
     if not isinstance(found, dict) or (found and not {'time', *MOCAP} <= set(found)):
         raise BagError(f'{path}: mocap is not built as {{time, {", ".join(MOCAP)}}}')
     if not found or not found['time']:
-        return np.empty((0, 7)), 0, 0, 0
+        return np.empty((0, 7)), 0, 0, 0, 0
     columns = [_series(path, f'mocap {name}', found['time'], found[name]) for name in MOCAP]
     table = np.column_stack([columns[0][0], *(v for _, v in columns)])
     seen = np.isfinite(table).all(axis=1)
@@ -311,11 +312,15 @@ def _mocap(path: Path, found: Any) -> tuple[Floats, int, int, int]:
     plausible.refuse_pace(f'{path}: mocap time', poses[:, 0])
     steep = plausible.refuse_steep(f'{path}: mocap pitch', poses[:, 0], poses[:, 5])
     poses = poses[~steep]
+    still = frozen.frozen(
+        poses[:, 0], poses[:, 1:4], np.array(_attitude(poses[:, 4:])).reshape(-1, 4))
+    poses = poses[~still]
     wrong = outliers.refuse_most(
         f'{path}: mocap', poses[:, 0], poses[:, 1:4],
         np.array(_attitude(poses[:, 4:])).reshape(-1, 4))
     plausible.refuse_far(f'{path}: mocap', poses[~wrong, 1:4])
-    return poses[~wrong], int((~seen).sum()), int(wrong.sum()), int(steep.sum())
+    counts = (~seen, wrong, still, steep)
+    return poses[~wrong], *(int(each.sum()) for each in counts)
 
 
 def mocap_offset(log: Log) -> Offset:
@@ -677,6 +682,7 @@ def import_crazyflie(
         'flow_rotation': 'not compensated', 'horizontal_acceleration': '0' if level else 'NaN',
         'repeated_flow': repeated_flow, 'motor_pwm_unit': 'counts, 0 to 65535',
         'mocap_frames_lost': log.lost, 'mocap_poses_impossible': log.impossible,
+        'mocap_poses_frozen': log.still,
         'ignored': ', '.join(log.ignored) or 'nothing', **details,
         **({'layout': "of the course's first years: times in ms, o_x for p_x"}
            if log.former else {}),
@@ -734,9 +740,9 @@ def main(arguments: list[str] | None = None) -> int:
         for key in ('beyond_quarter_turn', 'incomplete', 'unusual'):
             notes += details[key].split('; ') if key in details else []
         ignored = [] if details['ignored'] == 'nothing' else details['ignored'].split(', ')
-        impossible = int(details['mocap_poses_impossible'])
-        if impossible:
-            notes.append(outliers.describe('optitrack/pose', impossible))
+        notes += [about.describe('optitrack/pose', count) for about, key in (
+            (outliers, 'impossible'), (frozen, 'frozen'))
+            if (count := int(details[f'mocap_poses_{key}']))]
         report(options.log, options.output, counts, *notes, *unused(ignored))
 
     return guard('import_crazyflie', work)

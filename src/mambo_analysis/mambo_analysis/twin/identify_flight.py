@@ -23,6 +23,7 @@ from scipy import stats
 from ..identify import result
 from ..identify.base import Base, based, of_bag
 from ..identify.regression import IdentifyError, LEVEL, Value
+from .contradictions import SCALE
 from .force import BLOCKS, fit_force, Found
 from .moments import fit_moments, Moment
 from .recorded import GRAVITY, read_flight, Recorded
@@ -137,6 +138,15 @@ def reading_notes(flight: Recorded) -> list[str]:
         lines.append(f'{flight.name}: the accelerometer is {flight.bias:+.2g} m/s^2 off along z, '
                      f'usual are {USUAL_BIAS:g} at most: check its scale, as drag and thrust have '
                      'its error')
+    low, high = flight.gain
+    if not (low <= SCALE[1] and high >= SCALE[0]):
+        lines.append(f'{flight.name}: along the floor the tracked position accelerates {low:.2f} '
+                     f'to {high:.2f} times as much as accelerometer and attitude say: check the '
+                     'scale of the positions, as drag has its error')
+    volts = flight.voltage[flight.air]
+    if len(volts) and np.isfinite(volts).all() and np.ptp(volts) == 0.0:
+        lines.append(f'{flight.name}: the battery shows {volts[0]:.4g} V throughout: it was not '
+                     'measured, and exponent, motor lag and inertia hold only if it did not sag')
     if not flight.has_ground:
         lines.append(f'{flight.name}: it begins and ends in the air: all of it is taken as '
                      'flight, also where it is near the floor')

@@ -105,6 +105,8 @@ class Recorded(NamedTuple):
         Of the poses against the gyro, s, which is taken out of their stamps.
     has_ground
         Whether the recording shows the vehicle on the ground.
+    gain
+        Of the tracked acceleration along the floor over that of ``force``, lowest and highest.
     unused
         Time in the air outside of ``air``, s: in other stretches, long enough to be a flight.
 
@@ -128,6 +130,7 @@ class Recorded(NamedTuple):
     late: float = 0.0
     has_ground: bool = True
     unused: float = 0.0
+    gain: tuple[float, float] = (1.0, 1.0)
 
     @property
     def turn(self) -> Rotation:
@@ -166,9 +169,11 @@ def _onboard(bag: Bag, t: Floats) -> Onboard | None:
 
 def _mounting(
     path: Path, found: dict[str, Floats], air: slice,
-) -> tuple[Floats, float]:
+) -> tuple[Floats, float, tuple[float, float]]:
     r"""
     Return the rotation vector r from the inertial sensor to the markers, and its bias along z.
+
+    And the gain along the floor that is left (:func:`.contradictions.horizontal_gain`).
 
     Least squares over stretches of the flight, R being the attitude of the markers:
     :math:`\\overline{R f} + \\overline{R (r \\times f)} - b \\overline{R e_3} - g e_3
@@ -179,6 +184,7 @@ def _mounting(
     rotation : (3,) rad
         With r_z = 0.
     bias : m/s^2
+    gain
 
     Raises
     ------
@@ -207,8 +213,9 @@ def _mounting(
     # the fit has a bias along x, y turn the force up by all of this, a turned sensor by half of it
     mounting, bias = np.array([r[0], r[1], 0.0]), float(r[2]) - 0.75 * doubled
     contradictions.refuse_steep(path, mounting)
-    contradictions.refuse_other_motion(path, turned + (columns @ r).reshape(-1, 3), change)
-    return mounting, bias
+    turned += (columns @ r).reshape(-1, 3)
+    contradictions.refuse_other_motion(path, turned, change)
+    return mounting, bias, contradictions.horizontal_gain(turned, change)
 
 
 def bias_doubt(mounting: Floats) -> float:
@@ -377,11 +384,11 @@ def read_flight(path: Path, namespace: str | None = None) -> Recorded:
                                    ('gyro', 'gyro', 'rad/s')):
             contradictions.refuse_stuck(path, sensor, unit, found[name][air], STEP)
     contradictions.refuse_still_motor(path, found['command'][air])
-    mounting, bias = _mounting(path, found, air)
+    mounting, bias, gain = _mounting(path, found, air)
     found['force'] = found['force'] - [0.0, 0.0, bias]
     known = np.isfinite(found['attitude']).all(axis=1)
     found['attitude'][known] = (Rotation.from_quat(found['attitude'][known])
                                 * Rotation.from_rotvec(mounting)).as_quat()
     return Recorded(path.name, **found, **rows._asdict(), mounting=mounting,
                     has_flow='optical_flow' in bag, onboard=_onboard(bag, found['t']), bias=bias,
-                    late=late if abs(late) > LATE else 0.0)
+                    gain=gain, late=late if abs(late) > LATE else 0.0)

@@ -606,6 +606,18 @@ def test_impossible_poses_are_left_out_and_counted(tmp_path, capsys):
     np.testing.assert_allclose(ours.position[:, 0], 0.01 * i)
 
 
+def test_frozen_poses_are_left_out_and_those_on_both_sides_stay(tmp_path, capsys):
+    def change(i, stamped):
+        at = 20 if 20 <= i <= 30 else i
+        stamped.pose.position.x, stamped.pose.position.y = 0.01 * at, 0.02 * at
+    source = foreign(tmp_path / 'theirs', {'/p': TYPES['/vrpn/mambo/pose']}, change)
+    assert main([str(source), str(tmp_path / 'bag'), '--map', '/p:=optitrack/pose']) == 0
+    assert 'optitrack/pose: 10 frozen poses left out, equal to' in capsys.readouterr().out
+    ours = read_bag(tmp_path / 'bag')['optitrack/pose']
+    i = np.delete(np.arange(N), range(21, 31))
+    np.testing.assert_array_equal(ours.stamp, EPOCH + 10_000_000 * i)
+
+
 def test_repeated_stamps_are_counted(tmp_path, capsys):
     def change(i, out):
         out.header.stamp = header(i // 10 * 10).stamp

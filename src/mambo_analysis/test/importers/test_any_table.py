@@ -129,6 +129,18 @@ def test_impossible_poses_are_left_out(tmp_path):
     assert '3 impossible poses left out' in notes[0]
 
 
+def test_frozen_poses_are_left_out_and_those_on_both_sides_stay(tmp_path):
+    data = frame()
+    pose = ['x', 'y', 'z', 'qw', 'qx', 'qy', 'qz']
+    data.loc[21:30, pose] = data.loc[20, pose].to_numpy()
+    source, mapping = files(tmp_path, data)
+    counts, notes = import_table(source, tmp_path / 'bag', mapping)
+    assert counts['/mambo/optitrack/pose'] == N - 10
+    assert notes[0].startswith('optitrack/pose: 10 frozen poses left out, equal to the one before')
+    stamps = read_bag(tmp_path / 'bag')['optitrack/pose'].stamp
+    assert len(stamps) == N - 10 and np.diff(stamps).max() > 105_000_000  # where they were
+
+
 def test_a_repeated_time_and_a_quaternion_of_zeros_are_left_out_and_counted(tmp_path):
     data = frame()
     data.loc[9, 't'] = data.loc[8, 't']

@@ -512,6 +512,17 @@ def test_range_and_gyro_must_tell_the_same_clock(tmp_path, capsys):
 
 
 @pytest.mark.long
+def test_frozen_poses_are_counted_and_left_out(tmp_path, capsys):
+    log = turning()
+    for values in log['mocap'].values():
+        if values is not log['mocap']['time']:
+            values[801:851] = 50 * [values[800]]
+    assert main([str(save(tmp_path / 'log.json', log)), str(tmp_path / 'bag')]) == 0
+    assert len(read_bag(tmp_path / 'bag')['optitrack/pose']) == 1990 - 50
+    assert 'optitrack/pose: 50 frozen poses left out, equal to' in capsys.readouterr().out
+
+
+@pytest.mark.long
 def test_poses_that_a_tracker_flips_are_counted_and_left_out(tmp_path, capsys):
     log = turning()
     for name, add in (('roll', np.pi), ('x', 0.2)):

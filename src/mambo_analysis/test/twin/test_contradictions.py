@@ -105,6 +105,25 @@ def test_another_sign_or_unit_of_the_position_is_told(axis, factor, message):
         c.refuse_other_motion(BAG, force, change)
 
 
+@pytest.mark.parametrize('n, noise', [(400, 0.1), (67, 0.2), (32, 0.3)])
+@pytest.mark.parametrize('scale', [1.0, 0.85, 0.9, 1.2])
+def test_the_scale_of_the_positions_shows_along_the_floor(n, noise, scale):
+    """As in the flights of NanoBench: half a minute, and 0.1 to 0.2 of the motion is noise."""
+    force, change = motion(n, noise=noise)
+    low, high = c.horizontal_gain(force, scale * change)
+    assert low < scale < high and high - low < 1.2 * noise
+    if scale == 1.0:
+        assert low < c.SCALE[1] and high > c.SCALE[0]
+    elif noise <= 0.1 or scale == 0.85 and noise <= 0.2:
+        assert high < c.SCALE[0] or low > c.SCALE[1]
+
+
+def test_without_motion_or_with_another_one_the_scale_does_not_show():
+    force, change = motion()
+    assert c.horizontal_gain(force, 0.0 * change) == (0.0, np.inf)
+    assert c.horizontal_gain(force, -change) == (0.0, np.inf)
+
+
 def test_swapped_axes_are_told():
     force, change = motion()
     with pytest.raises(IdentifyError, match='along x of the world'):

@@ -123,6 +123,27 @@ def test_commands_in_another_unit_than_those_of_the_base_are_told():
         command_notes('flight', 0.556, mambo)
 
 
+@pytest.mark.parametrize('gain, told', [
+    ((0.95, 1.02), False), ((0.85, 0.94), False), ((0.85, 0.92), True), ((1.08, 1.2), True),
+    ((0.0, np.inf), False)])
+def test_positions_of_another_scale_are_told(gain, told):
+    notes = reading_notes(flight(0)._replace(gain=gain))
+    assert [line for line in notes if 'check the scale of the positions' in line] == [
+        f'{flight(0).name}: along the floor the tracked position accelerates {gain[0]:.2f} to '
+        f'{gain[1]:.2f} times as much as accelerometer and attitude say: check the scale of the '
+        'positions, as drag has its error'] * told
+
+
+def test_a_battery_that_never_changes_is_told():
+    plain = flight(0)
+    assert not any('battery' in line for line in reading_notes(plain))
+    constant = plain._replace(voltage=np.full_like(plain.voltage, 4.2))
+    assert 'the battery shows 4.2 V throughout: it was not measured' in ''.join(
+        reading_notes(constant))
+    absent = plain._replace(voltage=np.full_like(plain.voltage, np.nan))
+    assert not any('battery' in line for line in reading_notes(absent))
+
+
 @pytest.mark.parametrize(('bias', 'told'), [(0.5, False), (1.99, True), (-1.2, True)])
 def test_an_accelerometer_of_another_scale_is_told(bias, told):
     notes = reading_notes(flight(0)._replace(bias=bias))

@@ -82,7 +82,7 @@ def race(
             run(flights, journals[-1], state == TRUE, workers)
         except BaseException:
             for journal in journals:
-                journal.close()
+                journal.leave()
             raise
         rows = journals[-1].rows
         found += report.results(flights.starts, rows, state)

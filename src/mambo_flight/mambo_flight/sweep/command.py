@@ -77,8 +77,9 @@ def sweep(
         data = table.columns(flights.sweep, journal.rows)
         table.write(out, data, flights.sweep.head.title)
         journal.remove()
-    finally:
-        journal.close()
+    except BaseException:
+        journal.leave()
+        raise
     names, title = list(table.parameters(flights.sweep, 0)), flights.sweep.head.title or path.stem
     plot.draw(out.with_suffix('.png'), data, names, title)
     heat_map.draw(map_of(out), data, names, title)

@@ -107,6 +107,8 @@ def _metrics(flight: Scenario, ideal: bool) -> Row:
 
 def _rows(flights: Sequence[Scenario], ideal: bool) -> Iterator[Row]:
     for flight in flights:
+        if not all(c.compiled for c in own_components(flight)):
+            look_again()  # what plain Python keeps outside of its memory is of another flight
         row = _metrics(flight, ideal)
         yield {**row, 'fault': slots.latest_fault()}
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Executor, FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 import contextlib
 import os
+import time
 from typing import Any, Protocol
 import uuid
 
@@ -19,6 +20,8 @@ from .guarded import fly, fly_packed, packed
 from .table import batches, Journal, KEPT, SweepEndedError, SweepError
 
 BATCH = 16  # largest number of flights in a batch for a worker
+LOOK = 2.0  # [s] after which workers are looked for while nothing is finished
+WORKERLESS = 30.0  # [s] without a worker that end a sweep
 AHEAD = 3  # batches per worker that are flown or queued
 
 
@@ -33,15 +36,15 @@ class Numbered(Protocol):
 
 
 @contextlib.contextmanager
-def _processes(workers: int) -> Iterator[tuple[Executor, int]]:
-    """Provide an executor of processes and their number."""
+def _processes(workers: int) -> Iterator[tuple[Executor, int, Callable[[], bool]]]:
+    """Provide an executor of processes, their number, and whether there are any."""
     with worker_pool(workers) as pool:
-        yield pool, workers
+        yield pool, workers, lambda: True
 
 
 @contextlib.contextmanager
-def _dask(address: str) -> Iterator[tuple[Executor, int]]:
-    """Provide the executor of a Dask scheduler and the number of its threads."""
+def _dask(address: str) -> Iterator[tuple[Executor, int, Callable[[], bool]]]:
+    """Provide the executor of a Dask scheduler, the number of its threads, and if it has any."""
     try:
         from distributed import Client
     except ImportError:
@@ -55,7 +58,7 @@ def _dask(address: str) -> Iterator[tuple[Executor, int]]:
         workers = sum(client.nthreads().values())
         if not workers:
             raise SweepError(f'--dask {address}: the scheduler has no workers')
-        yield client.get_executor(pure=False), workers
+        yield client.get_executor(pure=False), workers, lambda: bool(client.nthreads())
 
 
 def run(
@@ -100,12 +103,24 @@ def run(
             for number in left:
                 keep([number], fly([flights[number]], ideal))
         elif left:
-            with _dask(dask) if dask else _processes(workers) as (executor, count):
-                _spread(flights, left, ideal, executor, count, keep)
+            with _dask(dask) if dask else _processes(workers) as (executor, count, alive):
+                _spread(flights, left, ideal, executor, count, keep, alive)
+
+
+def _next_done(under_way: Collection[Future], alive: Callable[[], bool]) -> set[Future]:
+    """Return futures that are done, when there is one; SweepEndedError without a worker."""
+    since = time.monotonic()
+    while not (done := wait(under_way, LOOK, return_when=FIRST_COMPLETED).done):
+        if alive():
+            since = time.monotonic()
+        elif time.monotonic() - since > WORKERLESS:
+            raise SweepEndedError(
+                f'the scheduler has had no worker for {WORKERLESS:g} s; {KEPT}')
+    return done
 
 
 def _spread(flights: Numbered, left: Sequence[int], ideal: bool, executor: Executor, count: int,
-            keep: Any) -> None:
+            keep: Any, alive: Callable[[], bool]) -> None:
     """Fly the numbers ``left`` on an executor, with at most AHEAD batches per worker."""
     size = max(1, min(BATCH, len(left) // (4 * count)))
     todo, under_way, sweep = batches(left, size), {}, uuid.uuid4().hex
@@ -117,8 +132,7 @@ def _spread(flights: Numbered, left: Sequence[int], ideal: bool, executor: Execu
                 under_way[future] = (numbers, scenarios)
             if not under_way:
                 return
-            done, _ = wait(under_way, return_when=FIRST_COMPLETED)
-            for future in done:
+            for future in _next_done(under_way, alive):
                 numbers, scenarios = under_way.pop(future)
                 keep(numbers, _result(future, scenarios))
     finally:
@@ -130,10 +144,10 @@ def _result(future: Future, flights: Sequence[Scenario]) -> list[dict[str, Any]]
     """Return the rows of a batch of flights; raise SweepEndedError if there are none."""
     try:
         return future.result()
-    except BrokenProcessPool:
+    except Exception as error:  # a remote worker may raise anything
+        if not (isinstance(error, BrokenProcessPool) or type(error).__name__ == 'KilledWorker'):
+            text = ' '.join(f'{type(error).__name__}: {error}'.split())
+            raise SweepEndedError(f'a worker failed: {text}; {KEPT}') from None
         own = sorted({str(part.path) for flight in flights for part in own_components(flight)})
         cause = f', perhaps by code of {" or ".join(own)}' if own else ''
         raise SweepEndedError(f'a worker was killed{cause}; {KEPT}') from None
-    except Exception as error:  # a remote worker may raise anything
-        text = ' '.join(f'{type(error).__name__}: {error}'.split())
-        raise SweepEndedError(f'a worker failed: {text}; {KEPT}') from None

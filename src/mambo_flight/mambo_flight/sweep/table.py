@@ -167,10 +167,14 @@ class Journal:
         """Close the file; the rows stay in it."""
         self._stream.close()
 
+    def leave(self) -> None:
+        """Close the file, and remove it if it has no rows."""
+        (self.close if self.rows else self.remove)()
+
     def remove(self) -> None:
         """Close and remove the file, once the result is written."""
         self.close()
-        self.path.unlink()
+        self.path.unlink(missing_ok=True)
 
 
 def report_faults(faults: Sequence[tuple[str, str]]) -> None:

@@ -147,6 +147,18 @@ def test_a_sweep_is_not_continued_with_another_controller(tmp_path, capsys, monk
     assert f'out.parquet.rows: 1 finished flight is kept; data files that {mine} reads' in said
 
 
+def test_what_a_plain_controller_keeps_outside_of_its_memory_is_not_of_another_flight(tmp_path):
+    path = tmp_path / 'keeps.py'
+    path.write_text(PD.read_text().replace('@jit\n', '').replace(
+        '    v = rotate(state.q, state.nu)\n',
+        '    COUNT.append(0)\n    v = rotate(state.q, state.nu)\n').replace(
+        'thrust_and_torque(thrust,', 'thrust_and_torque((1.0 + 1e-4 * len(COUNT)) * thrust,')
+        + '\nCOUNT = []\n')
+    rows = guarded.fly([flight(path), flight(path)], False)
+    assert repr(rows[0]) == repr(rows[1]) and rows[0]['fault'] == ''
+    assert repr(rows[0]) != repr(guarded.fly([flight(PD)], True)[0])
+
+
 @pytest.mark.long
 def test_a_plain_component_that_raises_is_named_in_its_row(tmp_path):
     step = '    v = rotate(state.q, state.nu)\n'

@@ -2,6 +2,7 @@
 
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
+import itertools
 import json
 import math
 import os
@@ -346,6 +347,26 @@ def test_a_killed_worker_names_the_files_whose_code_it_ran(tmp_path):
         run_module._result(gone, [flight, scenario(duration=1.0)])
     with pytest.raises(SweepEndedError, match='a worker was killed; finished'):
         run_module._result(gone, [scenario(duration=1.0)])
+    lost = Future()  # as Dask says it
+    lost.set_exception(type('KilledWorker', (Exception,), {})('task on 4 workers'))
+    with pytest.raises(SweepEndedError, match='killed, perhaps by code of .*mine.py;'):
+        run_module._result(lost, [flight])
+
+
+def test_a_sweep_without_a_worker_ends_with_what_is_finished(monkeypatch):
+    monkeypatch.setattr(run_module, 'LOOK', 0.01)
+    monkeypatch.setattr(run_module, 'WORKERLESS', 0.1)
+    waiting, answers = Future(), itertools.chain([True] * 3, itertools.repeat(False))
+    with pytest.raises(SweepEndedError, match='the scheduler has had no worker for 0.1 s; finish'):
+        run_module._next_done([waiting], lambda: next(answers))
+    assert not list(itertools.takewhile(bool, answers))
+    back = itertools.cycle([False, True])  # a worker that comes and goes
+
+    def alive():
+        if next(back):
+            waiting.set_result([])
+        return True
+    assert run_module._next_done([waiting], alive) == {waiting}
 
 
 @pytest.mark.long

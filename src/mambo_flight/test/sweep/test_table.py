@@ -90,6 +90,15 @@ def test_the_rows_of_another_sweep_are_refused_and_stay(tmp_path):
     assert journal.path.read_bytes() == before
 
 
+def test_a_journal_without_a_row_leaves_no_file(tmp_path):
+    Journal(tmp_path / 'rows', 'a').leave()
+    assert not list(tmp_path.iterdir())
+    journal = Journal(tmp_path / 'rows', 'a')
+    journal.add(0, {'rms': 1.0})
+    journal.leave()
+    assert rows_of(journal.path) == {0: {'rms': 1.0}}
+
+
 def test_a_journal_that_is_being_written_is_refused_until_it_is_closed(tmp_path):
     journal = Journal(tmp_path / 'rows', 'a')
     journal.add(0, {'rms': 1.0})

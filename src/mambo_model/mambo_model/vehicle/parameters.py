@@ -54,7 +54,7 @@ class Vehicle(Parameters):
     thrust_map: str = choice('power', THRUST_MAPS, 'PWM to thrust: (4.5) or 1/linear_gain')
     linear_gain: float = quantity(
         1530.72681, 'PWM/N', 100.0, 1e6, 'support package, thesis sec. 4.4.2')
-    power_a: float = quantity(4.29e-5, 'N', 1e-12, 1e-2, 'a of (4.5), thesis sec. 4.4.2')
+    power_a: float = quantity(4.29e-5, 'N', 1e-18, 1e-2, 'a of (4.5), thesis sec. 4.4.2')
     power_b: float = quantity(1.47, '1', 0.5, 3.0, 'b of (4.5), thesis sec. 4.4.2')
     pwm_min: float = quantity(10.0, 'PWM', 0.0, 65535.0, 'limit in the support package')
     pwm_max: float = quantity(500.0, 'PWM', 1.0, 65535.0, 'limit in the support package')
