@@ -31,6 +31,7 @@ from .recorded import GRAVITY, read_flight, Recorded
 AXES = 'xyz'
 USUAL_BIAS = 0.8  # m/s^2, of the accelerometer along z: MPU-6000, at most
 SMALLEST = 1.0  # command at which a vehicle can hover: the maps of vehicle files begin there
+NO_LAG = 0.01  # [s] of motors, at most; in flights of a Crazyflie 0.02 or more
 METHOD = f'{result.METHOD}; wider where {BLOCKS} parts of the flight disagree (jackknife)'
 
 
@@ -86,6 +87,15 @@ def command_notes(name: str, hover: float, base: Vehicle) -> list[str]:
     return [f'it hovers at a motor_pwm of {hover:.0f}, and its base takes {base.pwm_min:g} to '
             f'{base.pwm_max:g}: the vehicle file cannot be flown without other pwm_min and '
             'pwm_max, or another --base']
+
+
+def lag_notes(name: str, lag: float, base: Vehicle) -> list[str]:
+    """Return a note if the thrust has no lag, s, and the motors of the base have one."""
+    if lag > NO_LAG or base.motor_time_constant <= NO_LAG:
+        return []
+    return [f'{name}: the thrust follows its command at once, that of the base is '
+            f'{base.motor_time_constant:.3g} s behind: the stamps of motor_pwm may be late, and '
+            'exponent and inertia have their error']
 
 
 def drag_parameters(found: Found, source: str) -> dict[str, tuple[Any, str]]:
@@ -232,7 +242,8 @@ def identify(
         notes.append('it has optical flow: mambo identify flow gives its factor')
     notes.append(f'per mass; thrust and tilt hold at {found.model.voltage:.2f} V'
                  if np.isfinite(found.model.voltage) else 'no battery voltage in the recording')
-    notes += [*command_notes(path.name, hover.value, start), *reading_notes(flight)]
+    notes += [*command_notes(path.name, hover.value, start),
+              *lag_notes(path.name, found.model.lag, start), *reading_notes(flight)]
     angles = np.degrees(flight.mounting[:2])
     facts = {'time in the air [s]': float(flight.t[flight.air][-1] - flight.t[flight.air][0]),
              'mass [kg], not identified': start.mass,

@@ -6,7 +6,7 @@ from flown import bag, flight, SPIN, steered, STRAIGHT, table_of, TRUE
 from mambo_analysis.identify.regression import IdentifyError
 from mambo_analysis.twin.force import fit_force
 from mambo_analysis.twin.identify_flight import (
-    command_notes, drag_parameters, hover_command, known_lag, main, reading_notes)
+    command_notes, drag_parameters, hover_command, known_lag, lag_notes, main, reading_notes)
 from mambo_analysis.twin.recorded import GRAVITY
 from mambo_model.vehicle.parameters import load, preset
 import numpy as np
@@ -132,6 +132,14 @@ def test_positions_of_another_scale_are_told(gain, told):
         f'{flight(0).name}: along the floor the tracked position accelerates {gain[0]:.2f} to '
         f'{gain[1]:.2f} times as much as accelerometer and attitude say: check the scale of the '
         'positions, as drag has its error'] * told
+
+
+def test_a_thrust_without_the_lag_of_the_base_is_told():
+    crazyflie, mambo = preset('crazyflie'), preset('identified')
+    assert crazyflie.motor_time_constant > 0.05 and mambo.motor_time_constant == 0.0
+    line, = lag_notes('late', 0.0004, crazyflie)
+    assert 'late: the thrust follows its command at once, that of the base is 0.0647 s' in line
+    assert not lag_notes('right', 0.021, crazyflie) and not lag_notes('model', 0.0, mambo)
 
 
 def test_a_battery_that_never_changes_is_told():
