@@ -149,6 +149,9 @@ def _with_natnet(
     flight: scenarios.Scenario, options: argparse.Namespace,
 ) -> scenarios.Scenario:
     """Return the flight with a NatNet server; ParameterError if the options exclude it."""
+    if options.mode == 'lockstep':
+        raise schema.ParameterError(
+            '--natnet needs --mode realtime, its default: it serves poses by the wall clock')
     if options.composed or 'optitrack' in options.without:
         raise schema.ParameterError(
             '--natnet serves drones with their nodes as processes: leave out --composed and '

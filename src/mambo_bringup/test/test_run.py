@@ -73,6 +73,9 @@ def test_natnet_needs_real_time_and_processes(capsys):
             run('--natnet', *words)
         assert 'run: --natnet serves drones with their nodes as processes' in (
             capsys.readouterr().err)
+    with pytest.raises(SystemExit, match='2'):
+        run('--natnet', '--mode', 'lockstep')
+    assert 'run: --natnet needs --mode realtime, its default' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('arguments, composed', [

@@ -71,6 +71,20 @@ def late(flight: Scenario) -> Iterator[str]:
                    f'ends at {end:g} s')
 
 
+def idle_faults(flight: Scenario) -> Iterator[str]:
+    """Yield a line for each fault that never happens: after the end of a flight, or of nothing."""
+    faults, end = flight.sim_node.simulator.faults, flight.sim_node.duration
+    for name in faults.present():
+        fault = getattr(faults, name)
+        reason = (
+            f'it begins at {fault.start:g} s, and the flight ends at {end:g} s'
+            if end and fault.start >= end else
+            f'its {"duration" if not fault.duration else "share"} is 0'
+            if not (fault.duration and fault.share) else '')
+        if reason:
+            yield f'the fault of sim_node.simulator.faults.{name} never happens: {reason}'
+
+
 def settings_later(flight: Scenario, p: Any, rows: int) -> list[tuple[int, Any]]:
     """
     Return the constants of a flight that change, each with the number of its control step.

@@ -230,6 +230,7 @@ def remarks(flight: Scenario, stretch: str | None = None) -> Iterator[str]:
                f'{flight.sim_node.duration:g} s in all')
     yield from component_remarks(flight)
     yield from changes.late(flight)
+    yield from changes.idle_faults(flight)
     yield from commanded.late(flight)
     simulator = flight.sim_node.simulator
     if not simulator.hand.enabled and (heavy := feasibility.too_heavy(simulator.vehicle)):

@@ -154,3 +154,20 @@ def test_a_change_after_the_end_of_the_flight_is_said():
     assert list(changes.late(later)) == [
         'changes of controller_node at t = 5 s or later have no effect: the flight ends at 5 s']
     assert list(changes.late(override(later, {'sim_node.duration': 0.0}))) == []  # without end
+
+
+@pytest.mark.parametrize('fault, end, said', [
+    ({'start': 4.0}, 5.0, ''),
+    ({'start': 5.0}, 5.0, 'it begins at 5 s, and the flight ends at 5 s'),
+    ({'start': 100.0}, 5.0, 'it begins at 100 s'), ({'start': 100.0}, 0.0, ''),
+    ({'duration': 0.0, 'start': 1.0}, 5.0, 'its duration is 0'),
+    ({'share': 0.0, 'start': 1.0}, 5.0, 'its share is 0')])
+def test_a_fault_that_never_happens_is_told(fault, end, said):
+    flight = override(scenario(duration=5.0), {
+        'sim_node.duration': end, 'sim_node.simulator.faults.sonar.kind': 'stuck',
+        **{f'sim_node.simulator.faults.sonar.{name}': x for name, x in fault.items()}})
+    lines = list(changes.idle_faults(flight))
+    begin = 'the fault of sim_node.simulator.faults.sonar never happens: '
+    assert len(lines) == bool(said) and all(
+        line.startswith(f'{begin}{said}') for line in lines), lines
+    assert not list(changes.idle_faults(scenario(duration=5.0)))

@@ -682,7 +682,7 @@ def import_crazyflie(
         'flow_rotation': 'not compensated', 'horizontal_acceleration': '0' if level else 'NaN',
         'repeated_flow': repeated_flow, 'motor_pwm_unit': 'counts, 0 to 65535',
         'mocap_frames_lost': log.lost, 'mocap_poses_impossible': log.impossible,
-        'mocap_poses_frozen': log.still,
+        **({'mocap_poses_frozen': log.still} if log.still else {}),
         'ignored': ', '.join(log.ignored) or 'nothing', **details,
         **({'layout': "of the course's first years: times in ms, o_x for p_x"}
            if log.former else {}),
@@ -742,7 +742,7 @@ def main(arguments: list[str] | None = None) -> int:
         ignored = [] if details['ignored'] == 'nothing' else details['ignored'].split(', ')
         notes += [about.describe('optitrack/pose', count) for about, key in (
             (outliers, 'impossible'), (frozen, 'frozen'))
-            if (count := int(details[f'mocap_poses_{key}']))]
+            if (count := int(details.get(f'mocap_poses_{key}', 0)))]
         report(options.log, options.output, counts, *notes, *unused(ignored))
 
     return guard('import_crazyflie', work)

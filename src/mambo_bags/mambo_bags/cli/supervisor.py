@@ -97,7 +97,7 @@ def _status_of(
     status
         Its exit code, negative for a signal.
     unanswered
-        The signal for which it was killed.
+        The signal for which it was killed, or at which it crashed.
 
     """
     # a signal may come to any thread, so it is read from a pipe that Python's handler writes
@@ -109,14 +109,19 @@ def _status_of(
     signal.pthread_sigmask(signal.SIG_SETMASK, mask)
     handle = os.pidfd_open(child)
     seen = [0] * signal.NSIG
+    latest: signal.Signals | None = None
     waiting: signal.Signals | None = None  # for an answer to this signal, until the time below
     until = 0.0
     while True:
         left = max(until - time.monotonic(), 0.0) if waiting else None
         ready = select.select([handle, read], [], [], left)[0]
+        numbers = os.read(read, 256) if read in ready else b''
+        if numbers:
+            latest = signal.Signals(numbers[-1])
         if handle in ready:
-            return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), None
-        for number in os.read(read, 256) if read in ready else b'':
+            code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+            return code, latest if code < 0 and -code not in SIGNALS else None
+        for number in numbers:
             seen[number] += 1
             if select.select([handle], [], [], _DELAY)[0] or _notes[number] >= seen[number]:
                 continue

@@ -80,6 +80,18 @@ def test_a_signal_to_one_or_both_is_one_line(number, group, tmp_path):
     assert not list(tmp_path.glob('kept_*'))
 
 
+@pytest.mark.long
+def test_a_crash_at_a_signal_is_no_fault_of_the_file(tmp_path):
+    code = WAITS.replace('    Path(', """    import os, signal
+    signal.signal(signal.SIGINT, lambda *_: os.kill(os.getpid(), signal.SIGSEGV))
+    Path(""")
+    tool = start(tmp_path, code)
+    wait_for(tmp_path / 'ready')
+    os.killpg(tool.pid, signal.SIGINT)
+    out, err = tool.communicate(timeout=60)
+    assert (tool.returncode, out, err) == (130, 'before\n', 'tool: ended by SIGINT\n')
+
+
 @pytest.mark.parametrize('stuck', [
     'sum(range(10**13))',  # in C code that looks at no signals
     'os.kill(os.getpid(), signal.SIGSTOP)',

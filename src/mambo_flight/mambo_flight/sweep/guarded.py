@@ -8,7 +8,7 @@ finds the step that does not end, and the others go on in a new copy.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 import pickle
 from typing import Any
 
@@ -56,11 +56,16 @@ def fly_packed(sweep: str, batch: bytes, ideal: bool) -> list[Row]:
         look_again()
         _sweep = sweep
     there, flights = pickle.loads(batch)
+    _refuse_others(there, flights)
+    return fly(flights, ideal)
+
+
+def _refuse_others(there: Mapping[str, str], flights: Sequence[Scenario]) -> None:
+    """Raise InputError if a file of the user is another one than the hash that it had."""
     for path, sha256 in sources(flights).items():
         if there[path] != sha256:
             raise InputError(f'{path}: is not the file that the sweep began with: keep it as it '
                              'is while a sweep lasts, and the same for every worker')
-    return fly(flights, ideal)
 
 
 def fly(flights: Sequence[Scenario], ideal: bool) -> list[Row]:
@@ -106,9 +111,11 @@ def _metrics(flight: Scenario, ideal: bool) -> Row:
 
 
 def _rows(flights: Sequence[Scenario], ideal: bool) -> Iterator[Row]:
+    there = sources(flights)
     for flight in flights:
         if not all(c.compiled for c in own_components(flight)):
             look_again()  # what plain Python keeps outside of its memory is of another flight
+            _refuse_others(there, [flight])
         row = _metrics(flight, ideal)
         yield {**row, 'fault': slots.latest_fault()}
 

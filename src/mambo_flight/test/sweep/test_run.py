@@ -380,7 +380,9 @@ def test_a_killed_worker_and_ctrl_c_cost_one_line_and_no_finished_flight(tmp_pat
     run = start(path, out, '--workers', '2')
     os.killpg(run.pid, signal.SIGINT)  # as a terminal does
     _, error = run.communicate(timeout=60.0)
-    assert (run.returncode, error) == (130, f'mambo: ended by SIGINT; {table.KEPT}\n')
+    assert (run.returncode, error) == (130, (
+        f'mambo sweep: {out}.rows: {kept - 1} finished flights are kept\n'
+        f'mambo: ended by SIGINT; {table.KEPT}\n'))
     assert len((tmp_path / 'r.parquet.rows').read_text().splitlines()) > kept > 10
     assert not out.exists()
 

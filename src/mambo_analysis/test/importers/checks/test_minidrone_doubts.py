@@ -1,6 +1,7 @@
 """Doubts about real logs of a Rolling Spider: none as they are, one for each part changed."""
 
 import dataclasses
+import functools
 from pathlib import Path
 
 from mambo_analysis.importers.checks.minidrone_doubts import onboard_doubts, sensor_doubts
@@ -17,10 +18,15 @@ needs_data = pytest.mark.skipif(
     not FLIGHTS, reason='flight logs are not beside the repo (../shared/data)')
 
 
+@functools.cache
+def plain(path):
+    source = read_source(path)
+    return read_log(source, variables(path, source.content))
+
+
 def read(path, **changes):
     """Return a log, with signals made from it by {name: function of the log}."""
-    source = read_source(path)
-    log = read_log(source, variables(path, source.content))
+    log = plain(path)
     return dataclasses.replace(log, signals={
         **log.signals, **{name: change(log.signals) for name, change in changes.items()}})
 
