@@ -8,9 +8,9 @@ definitions installed here, fields that the source lacks are 0. A pose can be ta
 PoseStamped, PoseWithCovarianceStamped, TransformStamped or Odometry. Poses with a value that is
 not finite or an orientation of length 0, as trackers give for a lost body, are left out and
 counted; so are poses that no vehicle can reach (:mod:`mambo_signals.outliers`), and frozen ones
-(:mod:`mambo_signals.frozen`). A velocity in the
-axes of the poses is turned into those of the body (:mod:`.checks.world_twist`). A topic of several
-bodies or frames, and values that cannot be in the units of their type, are refused.
+(:mod:`mambo_signals.frozen`). A velocity in the axes of the poses is turned into those of the body
+(:mod:`.checks.world_twist`). A topic of several bodies or frames, and values that cannot be in the
+units of their type, are refused.
 
 Times
     The stamp in the header is when something was measured, the log time when it was recorded. A
@@ -71,8 +71,7 @@ POSES = {
 NUMBERS = {
     **{kind: (*(f'{position}.{axis}' for axis in 'xyz'), *(f'{turn}.{axis}' for axis in 'xyzw'))
        for kind, (position, turn) in POSES.items()},
-    IMU: (*(f'angular_velocity.{axis}' for axis in 'xyz'),
-                            'linear_acceleration.z'),
+    IMU: (*(f'angular_velocity.{axis}' for axis in 'xyz'), 'linear_acceleration.z'),
     'sensor_msgs/msg/Range': ('range',), 'sensor_msgs/msg/FluidPressure': ('fluid_pressure',),
     'sensor_msgs/msg/BatteryState': ('voltage',)}
 """Fields that tell whether a message of ours is in the right unit."""

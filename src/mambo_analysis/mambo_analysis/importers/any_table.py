@@ -210,18 +210,13 @@ class _Rows:
     def _optitrack_pose(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:
         position, turn = self._pose(topic, found, usable)
         rows = np.flatnonzero(usable)
-        still = frozen.frozen(self.times['optitrack/pose'][rows], position[rows], turn[rows])
-        if still.any():
-            usable[rows[still]] = False
-            self.notes.append(frozen.describe('optitrack/pose', int(still.sum())))
-        rows = rows[~still]
-        wrong = outliers.refuse_most(
+        still, wrong = plausible.doubtful_poses(
             f'{self.path}: optitrack/pose', self.times['optitrack/pose'][rows], position[rows],
             turn[rows])
-        plausible.refuse_far(f'{self.path}: optitrack/pose', position[rows[~wrong]])
-        if wrong.any():
-            usable[rows[wrong]] = False
-            self.notes.append(outliers.describe('optitrack/pose', int(wrong.sum())))
+        for doubtful, about in ((still, frozen), (wrong, outliers)):
+            if doubtful.any():
+                usable[rows[doubtful]] = False
+                self.notes.append(about.describe('optitrack/pose', int(doubtful.sum())))
         return lambda row: {'pose': out.pose(position[row].tolist(), turn[row].tolist())}
 
     def _onboard_odom(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:

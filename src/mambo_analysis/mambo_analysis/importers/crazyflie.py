@@ -246,7 +246,7 @@ def read_log(source: Source) -> Log:
     ignored += [name for name in drone if name not in known]
     log = Log(drone, mocap, lost, impossible, still, ignored, former,
               {name: count for name, count in steep.items() if count})
-    if not (log.has(*RATES) or log.has('gyro.x', 'gyro.y', 'gyro.z')):
+    if not (log.has(*RATES) or log.has(*GYRO)):
         raise BagError(f'{path}: no gyro (ae483log.w_x, w_y, w_z or gyro.x, y, z) with finite '
                        f'values; it has {", ".join(found["drone"]) or "no signals"}')
     _check(path, log)
@@ -312,15 +312,11 @@ def _mocap(path: Path, found: Any) -> tuple[Floats, int, int, int, int]:
     plausible.refuse_pace(f'{path}: mocap time', poses[:, 0])
     steep = plausible.refuse_steep(f'{path}: mocap pitch', poses[:, 0], poses[:, 5])
     poses = poses[~steep]
-    still = frozen.frozen(
-        poses[:, 0], poses[:, 1:4], np.array(_attitude(poses[:, 4:])).reshape(-1, 4))
-    poses = poses[~still]
-    wrong = outliers.refuse_most(
+    still, wrong = plausible.doubtful_poses(
         f'{path}: mocap', poses[:, 0], poses[:, 1:4],
         np.array(_attitude(poses[:, 4:])).reshape(-1, 4))
-    plausible.refuse_far(f'{path}: mocap', poses[~wrong, 1:4])
     counts = (~seen, wrong, still, steep)
-    return poses[~wrong], *(int(each.sum()) for each in counts)
+    return poses[~(still | wrong)], *(int(each.sum()) for each in counts)
 
 
 def mocap_offset(log: Log) -> Offset:

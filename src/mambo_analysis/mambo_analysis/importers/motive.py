@@ -374,12 +374,10 @@ def import_motive(
     file = read_source(source)
     take = read_take(file, body)
     times, position, attitude = poses(take, up, nose)
-    still = frozen.frozen(times, position, attitude)
-    times, position, attitude = times[~still], position[~still], attitude[~still]
-    wrong = outliers.refuse_most(f'{source}: {TOPIC}', times, position, attitude)
-    plausible.refuse_far(f'{source}: {TOPIC}', position[~wrong])
+    still, wrong = plausible.doubtful_poses(f'{source}: {TOPIC}', times, position, attitude)
+    good = ~(still | wrong)
     frames, lost, impossible = len(take.times), int((~take.seen).sum()), int(wrong.sum())
-    times, position, attitude = times[~wrong], position[~wrong], attitude[~wrong]
+    times, position, attitude = times[good], position[good], attitude[good]
     notes = [f'{TOPIC}: {lost} of {frames} frames have no pose of {quoted(take.body)} and are '
              'left out'] if lost else []
     notes += [f'{TOPIC}: {take.zeros} of them have a quaternion of zeros, no attitude'

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from . import plausible
+from . import plausible, world_twist
 from ..crazyflie_names import GOAL, GYRO, MOTORS, ODOMETRY, RATES
 
 if TYPE_CHECKING:
@@ -120,8 +120,7 @@ def _odometry(t: Floats, state: Floats) -> list[str]:
     velocity = Rotation.from_euler('ZYX', state[:, 3:6]).apply(state[:, 6:9])
     integral = np.cumsum(velocity * np.gradient(t)[:, None], axis=0)
     edges = np.arange(t[0], t[-1], PIECE)
-    own, seen = (np.column_stack([np.diff(np.interp(edges, t, x)) for x in y.T])
-                 for y in (integral, state[:, :3]))
+    own, seen = (world_twist.pieces(edges, t, x) for x in (integral, state[:, :3]))
     gaps = np.concatenate([[0], np.cumsum(np.diff(t) > GAP)])
     first, last = np.searchsorted(t, edges[:-1], 'right') - 1, np.searchsorted(t, edges[1:])
     whole = gaps[first] == gaps[last]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mambo_bags.mcap_reader import BagError
+from mambo_signals import frozen, outliers
 from mambo_signals.gyro_check import differs
 from mambo_signals.height_check import LEAST_CHANGE, LEAST_ROWS
 from mambo_signals.motion import Motion
@@ -63,6 +64,35 @@ def refuse_pace(where: str, times: Floats) -> None:
     if mean * FASTEST_RATE < 1.0:
         raise BagError(f'{where}: its samples are {mean:.3g} s apart, too near for any sensor '
                        f'(at most {FASTEST_RATE:g} Hz): give its times in the right unit')
+
+
+def doubtful_poses(
+    where: str, times: Floats, position: Floats, attitude: Floats,
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """
+    Return which poses of a motion capture are frozen, and which others are impossible, (n,) each.
+
+    Parameters
+    ----------
+    where
+        File and name, for the error.
+    times : (n,) s, ascending
+    position : (n, 3) m
+    attitude : (n, 4)
+        x y z w.
+
+    Raises
+    ------
+    BagError
+        If most poses are impossible, or one that is left is beyond ``FARTHEST``.
+
+    """
+    still = frozen.frozen(times, position, attitude)
+    wrong = np.zeros(len(times), bool)
+    wrong[~still] = outliers.refuse_most(
+        where, times[~still], position[~still], attitude[~still])
+    refuse_far(where, position[~(still | wrong)])
+    return still, wrong
 
 
 def refuse_far(where: str, position: Floats) -> None:

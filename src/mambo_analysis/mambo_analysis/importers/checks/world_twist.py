@@ -44,9 +44,9 @@ def axes_of(times: Floats, position: Floats, orientation: Floats, velocity: Floa
     if len(edges) <= LEAST_PIECES:
         return ''
     turned = Rotation.from_quat(orientation).apply(velocity)
-    moved = _pieces(edges, times, position)
+    moved = pieces(edges, times, position)
     size = np.sum(moved**2)
-    left = {axes: np.sum((moved - _pieces(edges, times, _integral(times, v)))**2)
+    left = {axes: np.sum((moved - pieces(edges, times, _integral(times, v)))**2)
             for axes, v in (('body', turned), ('world', velocity))}
     best, other = sorted(left, key=lambda axes: left[axes])
     return best if left[best] < MUCH * min(size, left[other]) else ''
@@ -58,6 +58,6 @@ def _integral(times: Floats, velocity: Floats) -> Floats:
     return np.concatenate([np.zeros((1, 3)), np.cumsum(half, axis=0)])
 
 
-def _pieces(edges: Floats, times: Floats, values: Floats) -> Floats:
+def pieces(edges: Floats, times: Floats, values: Floats) -> Floats:
     """Return the changes of values, (n, 3), between edges."""
     return np.column_stack([np.diff(np.interp(edges, times, x)) for x in values.T])
