@@ -101,10 +101,18 @@ _mambo_enter() {
         export PYTHONPATH=${PYTHONPATH:+$PYTHONPATH:}${packages[0]}
     fi
 
-    "$root/tools/build.bash" || return
+    "$root/tools/build.bash" ${_mambo_part:+"$_mambo_part"} || return
     # colcon's scripts start Python by an unquoted path: give them one without a space
     COLCON_PYTHON_EXECUTABLE=$(readlink -f "$root/.venv/bin/python3") \
         source "$root/install/local_setup.bash"
+    if [[ ${_mambo_part:-} == flight ]]; then  # packages that are only linked so far
+        local script package
+        for script in "$root"/src/*/setup.py; do
+            package=${script#"$root/src/"}; package=$root/build/${package%/setup.py}
+            [[ -f $package/colcon_build.rc ]] ||
+                export PYTHONPATH=${PYTHONPATH:+$PYTHONPATH:}$package
+        done
+    fi
 }
 
 _mambo_enter
@@ -120,4 +128,4 @@ if [[ $- == *i* ]]; then  # completion of the command mambo by the tab key
     complete -o nospace -o default -o bashdefault -F __mambo_complete mambo ./mambo
 fi
 unset -f _mambo_forget _mambo_choose _mambo_enter
-eval "unset _mambo_status; return $_mambo_status"
+eval "unset _mambo_status _mambo_part; return $_mambo_status"

@@ -1,9 +1,12 @@
 #!/usr/bin/env bash
-# usage: tools/build.bash
+# usage: tools/build.bash [flight]
 #
 # Builds the workspace if anything that a build looks at is newer than the last one: package.xml,
 # setup.py, CMake and message files, and the set of launch, parameter and scenario files. Python
 # modules are linked, not copied, so editing them needs no build. Runs in a shell of env.bash.
+#
+#   flight  before the first build, only what a flight in one process needs: the messages, and
+#           links to the Python packages where colcon puts them; env.bash puts them on PYTHONPATH
 set -euo pipefail
 
 root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)
@@ -40,6 +43,33 @@ build_messages() {
         cksum compat/tf2_msgs/*.* compat/tf2_msgs/msg/* >.venv/share/tf2_msgs/made_of
 }
 
+# True before any Python package was built.
+is_first() {
+    local script
+    for script in src/*/setup.py; do
+        script=${script#src/}
+        [[ ! -f build/${script%/setup.py}/colcon_build.rc ]] || return 1
+    done
+}
+# Makes the links that colcon makes with --symlink-install, at the same place: compiled code is
+# found by the path of its source.
+link_packages() {
+    local package
+    for package in src/*/setup.py; do
+        package=${package#src/}; package=${package%/setup.py}
+        [[ -e build/$package/$package ]] || {
+            mkdir -p "build/$package"
+            ln -sfn "$root/src/$package/$package" "build/$package/$package"
+        }
+    done
+}
+messages_built() {
+    local result=build/mambo_interfaces/colcon_build.rc
+    [[ -f $result && $(<"$result") == 0 && -f install/local_setup.bash ]] &&
+        messages_up_to_date &&
+        [[ -z $(find src/mambo_interfaces colcon.meta -newer "$result" -type f -print -quit) ]]
+}
+
 # setuptools quotes an interpreter whose path has a space, which no kernel understands.
 mend_interpreters() {
     [[ $root == *' '* && -d install ]] || return 0
@@ -53,6 +83,11 @@ mend_interpreters() {
 
 mend_interpreters
 up_to_date && exit 0
+part=
+if [[ ${1:-} == flight ]] && is_first; then
+    part=flight
+    messages_built && link_packages && exit 0
+fi
 for folder in . .cache build install log; do
     [[ ! -e $folder || -w $folder ]] || {
         echo "mambo: $root needs a build, but $root/$folder belongs to" \
@@ -65,6 +100,7 @@ exec 9>.cache/build.lock
 if command -v flock >/dev/null; then
     flock 9
     up_to_date && exit 0
+    [[ -z $part ]] || ! messages_built || ! link_packages || exit 0
 fi
 
 echo 'mambo: building the workspace' >&2
@@ -77,7 +113,12 @@ if ! messages_up_to_date; then  # on the core that colcon leaves idle for a whil
     build_messages >.cache/tf2_msgs.log 2>&1 &
     building=$!
 fi
-colcon build --event-handlers console_direct- console_cohesion+ >"$log" 2>&1 || {
+chosen=()
+if [[ $part ]]; then
+    chosen=(--packages-select mambo_interfaces)
+    link_packages
+fi
+colcon build --event-handlers console_direct- console_cohesion+ "${chosen[@]}" >"$log" 2>&1 || {
     [[ -z $building ]] || wait "$building" || true
     sed -n '/^--- stderr/,/^---$/p' "$log" | head -n 40 >&2
     echo "mambo: the build failed: see $root/$log" >&2

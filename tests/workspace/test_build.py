@@ -11,8 +11,14 @@ ROOT = Path(__file__).parents[2]
 COLCON = """#!/bin/bash
 echo "$@" >> calls
 echo "$MAKEFLAGS" > makeflags
-mkdir -p build/mambo_a install/mambo_a/lib/mambo_a
+mkdir -p install
 touch install/local_setup.bash
+if [[ -d src/mambo_interfaces ]]; then
+    mkdir -p build/mambo_interfaces
+    cat answer > build/mambo_interfaces/colcon_build.rc
+fi
+[[ "$*" != *"--packages-select mambo_interfaces" ]] || exit "$(cat answer)"
+mkdir -p build/mambo_a install/mambo_a/lib/mambo_a
 printf '#!"/a b/python3"\\nprint()\\n' > install/mambo_a/lib/mambo_a/node
 cat answer > build/mambo_a/colcon_build.rc
 echo '--- stderr: mambo_a'; echo 'what went wrong'; echo '---'
@@ -48,10 +54,10 @@ class Workspace:
         """Write a file that is younger than any build so far."""
         (self.root / file).write_text(text)
 
-    def build(self, **variables):
+    def build(self, *part, **variables):
         """Return (exit code, number of builds so far, stderr)."""
         done = subprocess.run(
-            [self.root / 'tools/build.bash'], text=True, capture_output=True, timeout=30,
+            [self.root / 'tools/build.bash', *part], text=True, capture_output=True, timeout=30,
             env=os.environ | {'PATH': f'{self.root}/bin:{os.environ["PATH"]}',
                               'MAMBO_ROS': 'system'} | variables)
         calls = self.root / 'calls'
@@ -107,6 +113,37 @@ def test_a_new_package_builds(workspace):
     (workspace.root / 'src/mambo_b').mkdir()
     workspace.write('src/mambo_b/package.xml')
     assert workspace.build()[1] == 2
+
+
+@pytest.fixture
+def unbuilt(tmp_path):
+    """Return a workspace with messages before its first build."""
+    workspace = Workspace(tmp_path / 'a checkout')
+    for file in ('package.xml', 'CMakeLists.txt', 'msg/New.msg'):
+        (workspace.root / f'src/mambo_interfaces/{file}').parent.mkdir(parents=True, exist_ok=True)
+        workspace.write(f'src/mambo_interfaces/{file}')
+    for path in workspace.root.rglob('*'):
+        os.utime(path, (1e9, 1e9))
+    return workspace
+
+
+def test_a_first_flight_needs_the_messages_and_links_alone(unbuilt):
+    calls = unbuilt.root / 'calls'
+    assert unbuilt.build('flight')[:2] == (0, 1)
+    assert calls.read_text().endswith('--packages-select mambo_interfaces\n')
+    linked = unbuilt.root / 'build/mambo_a/mambo_a'
+    assert linked.samefile(unbuilt.root / 'src/mambo_a/mambo_a')
+    assert unbuilt.build('flight') == (0, 1, '')
+    unbuilt.write('src/mambo_interfaces/msg/New.msg', 'float64 x')
+    assert unbuilt.build('flight')[:2] == (0, 2)
+    linked.unlink()
+    assert unbuilt.build('flight') == (0, 2, '') and linked.exists()
+    assert unbuilt.build()[:2] == (0, 3)  # anything else builds the rest
+    assert '--packages-select' not in calls.read_text().splitlines()[-1]
+    assert unbuilt.build('flight') == unbuilt.build() == (0, 3, '')
+    unbuilt.write('src/mambo_a/setup.py')
+    assert unbuilt.build('flight')[:2] == (0, 4)
+    assert '--packages-select' not in calls.read_text().splitlines()[-1]
 
 
 def test_a_failed_build_says_why_and_is_tried_again(workspace):

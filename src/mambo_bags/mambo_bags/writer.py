@@ -191,9 +191,9 @@ class BagWriter:
         self._closed = True
         with suppress(OSError):  # raised while flushing the rest
             self._stream.close()
-        for path in self.path.iterdir():
+        for path in self._folder.iterdir():
             path.unlink()
-        self.path.rmdir()
+        self._folder.rmdir()
 
     @contextmanager
     def _disk(self) -> Iterator[None]:
@@ -233,11 +233,12 @@ class BagWriter:
                 f'{str(self.path)!r} cannot be the name of a bag: it is not UTF-8') from None
         self.file = self.path / f'{self.path.name}_0.mcap'
         try:
-            self.path.mkdir(parents=True)
+            self._folder = self.path.absolute()  # a component may go to another one
+            self._folder.mkdir(parents=True)
             try:
-                return self.file.open('xb')
+                return (self._folder / self.file.name).open('xb')
             except OSError:
-                self.path.rmdir()
+                self._folder.rmdir()
                 raise
         except OSError as error:
             kind = BagWriterError if is_wrong_path(error) else BagDiskError
@@ -505,14 +506,15 @@ class BagWriter:
             topic.written = 0
         self._by_order, self._written_until, self._newest = [], -1, -1
         self._first, self._last = NO_TIME, -1
-        ordered = self.file.with_suffix('.part')
+        file = self._folder / self.file.name
+        ordered = file.with_suffix('.part')
         self._stream = ordered.open('wb')
         self._writer = self._begin(self._stream)
         for method, arguments in self._extras:
             getattr(self._writer, method)(*arguments)
         self._writer.flush()
         self._register()
-        with self.file.open('rb') as stream:
+        with file.open('rb') as stream:
             for _, channel, message in make_reader(stream).iter_messages():  # by log time
                 log_time, publish_time = message.log_time, message.publish_time
                 if end is not None and log_time > end:
@@ -526,7 +528,7 @@ class BagWriter:
                 self._pending.append((
                     log_time, topic.order, rank, message.sequence, publish_time, message.data))
         self._finish()
-        os.replace(ordered, self.file)
+        os.replace(ordered, file)
 
     def _information(self, custom_data: Mapping[str, str]) -> dict[str, Any]:
         """Return the body of metadata.yaml in rosbag2's order of keys."""
@@ -552,9 +554,9 @@ class BagWriter:
     def _write_yaml(self, custom_data: Mapping[str, str]) -> None:
         """Replace metadata.yaml atomically."""
         text = _dump({'rosbag2_bagfile_information': self._information(custom_data)})
-        temporary = self.path / 'metadata.yaml.part'
+        temporary = self._folder / 'metadata.yaml.part'
         temporary.write_text(text, encoding='utf-8')
-        os.replace(temporary, self.path / 'metadata.yaml')
+        os.replace(temporary, self._folder / 'metadata.yaml')
 
     def __enter__(self) -> BagWriter:
         return self

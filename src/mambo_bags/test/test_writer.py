@@ -312,6 +312,26 @@ def test_an_existing_path_is_refused_and_left_alone(tmp_path):
         assert not (tmp_path / name / 'metadata.yaml').exists()
 
 
+def test_a_bag_stays_where_it_was_begun(tmp_path, store, monkeypatch):
+    messages = payloads(store, 2.0)
+    late = [*messages[1:], messages[0]]  # closing puts the file in order
+    write(tmp_path / 'bag', late)
+    (tmp_path / 'there').mkdir()
+    (tmp_path / 'elsewhere').mkdir()
+    monkeypatch.chdir(tmp_path / 'there')
+    bag = BagWriter('bag')
+    monkeypatch.chdir(tmp_path / 'elsewhere')  # as a component may
+    for topic in TYPES:
+        bag.add_topic(topic, TYPES[topic])
+    for topic, data, ns in late:
+        bag.write(topic, data, ns)
+    bag.close()
+    for name in ('bag_0.mcap', 'metadata.yaml'):
+        assert (tmp_path / 'there' / 'bag' / name).read_bytes() == (
+            tmp_path / 'bag' / name).read_bytes()
+    assert not list((tmp_path / 'elsewhere').iterdir())
+
+
 def test_careless_use_is_named(tmp_path, store):
     writer = BagWriter(tmp_path / 'deep' / 'er' / 'bag')
     with pytest.raises(BagWriterError, match='declare topics before'):

@@ -22,6 +22,8 @@ from typing import Any, TypeVar
 F = TypeVar('F', bound=Callable)
 OWN_MODULES = 'mambo_own_'  # begins the names of modules made of users' files
 ENTRY_POINTS = ('mambo.controllers', 'mambo.estimators')
+COMPILED = ('mambo_model', 'mambo_sim', 'mambo_estimation', 'mambo_control', 'mambo_flight',
+            'mambo_analysis')
 NUMBA_VARIABLES = {  # of numba that are followed; it has about 90
     f'NUMBA_{name}' for name in (
         'CACHE_DIR', 'CPU_NAME', 'CPU_FEATURES', 'DISABLE_JIT', 'NUM_THREADS', 'THREADING_LAYER',
@@ -96,16 +98,17 @@ def source_digest() -> str:
     count.
     """
     digest = hashlib.sha256()
-    for entry in sorted(  # components that are installed may be part of what is compiled
-            (entry for group in ENTRY_POINTS for entry in importlib.metadata.entry_points(
-                group=group)), key=lambda entry: (entry.group, entry.name)):
+    entries = (entry for group in ENTRY_POINTS
+               for entry in importlib.metadata.entry_points(group=group)
+               if entry.value.partition('.')[0] not in COMPILED)  # those count below
+    # components that are installed may be part of what is compiled
+    for entry in sorted(entries, key=lambda entry: (entry.group, entry.name)):
         version = entry.dist.version if entry.dist else ''
         digest.update(f'{entry.group} {entry.name} {entry.value} {version}'.encode())
         # its source may change without its version
         for path in _package(entry.value.partition(':')[0].strip()):
             digest.update(path.read_bytes())
-    for name in ('mambo_model', 'mambo_sim', 'mambo_estimation', 'mambo_control',
-                 'mambo_flight', 'mambo_analysis'):
+    for name in COMPILED:
         for path in _package(name):
             source = path.read_bytes()
             if not path.stem.endswith('_node') and (

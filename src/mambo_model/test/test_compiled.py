@@ -298,3 +298,12 @@ def test_the_source_of_an_installed_component_counts(tmp_path, monkeypatch, valu
             file.write_text(f'GAIN = {gain}\n')
         found.add(compiled.source_digest())
     assert len(found) == 1 + counts
+
+
+def test_components_of_the_product_count_once_whether_installed_or_not(monkeypatch):
+    found = set()
+    for entries in ([], [importlib.metadata.EntryPoint(
+            'predictive', 'mambo_control.literature.predictive', 'mambo.controllers')]):
+        monkeypatch.setattr(importlib.metadata, 'entry_points', lambda group, e=entries: e)
+        found.add(compiled.source_digest())
+    assert len(found) == 1

@@ -29,7 +29,8 @@ from .regression import IdentifyError, LEVEL, Value
 Floats = NDArray[np.float64]
 
 METHOD = 'intervals of 95 %: least squares of independent readings, Student t'
-LIFT = (1.0, 20.0)  # largest thrust of four motors over the weight, of what flies
+LIFT = (1.0, 8.0)  # largest thrust of four motors over the weight, of what flies; the Mambo 2.6
+USUAL = (1.0, 2.5)  # exponent of the map of a rotor: 1.47 in the thesis
 THESIS = (4.29e-5, 1.47)  # a [N] and b of (4.5), sec. 4.4.2
 
 
@@ -163,6 +164,10 @@ def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> result.
     if not LIFT[0] < lift < LIFT[1]:
         notes.append(f'four such motors lift {lift:.3g} times the weight of {base}: check '
                      '--unit, --motors and --base')
+    if found.b.high < USUAL[0] or found.b.low > USUAL[1]:
+        notes.append(f'the thrust grows with the command to the power {found.b.value:.3g}; of '
+                     f'rotors {USUAL[0]:g} to {USUAL[1]:g} are usual: check the zero of the scale '
+                     'and of the command')
     report = result.Report(
         f'motor map of {options.file.name}',
         {'linear gain': found.gain, 'a': found.a, 'b': found.b}, facts, notes, changed,

@@ -10,7 +10,8 @@ not finite or an orientation of length 0, as trackers give for a lost body, are 
 counted; so are poses that no vehicle can reach (:mod:`mambo_signals.outliers`), and frozen ones
 (:mod:`mambo_signals.frozen`). A velocity in the axes of the poses is turned into those of the body
 (:mod:`.checks.world_twist`). A topic of several bodies or frames, and values that cannot be in the
-units of their type, are refused.
+units of their type, are refused; topics that contradict each other are told
+(:mod:`.checks.bag_doubts`).
 
 Times
     The stamp in the header is when something was measured, the log time when it was recorded. A
@@ -45,7 +46,7 @@ from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
 from scipy.spatial.transform import Rotation
 
-from .checks import plausible, world_twist
+from .checks import bag_doubts, plausible, world_twist
 from .common import NAMESPACE, provenance, quoted, report, SECOND, shortened, unused
 from .sqlite_bag import read_sqlite
 
@@ -638,6 +639,7 @@ def main(arguments: list[str] | None = None) -> int:
         notes += [about.describe(key.split()[1], int(count))
                   for what, about in (('impossible', outliers), ('frozen', frozen))
                   for key, count in details.items() if key.startswith(f'{what} ')]
+        notes += bag_doubts.doubts(read_bag(options.output))
         report(options.bag, options.output, counts, *notes, *unused(ignored))
 
     return guard('import_bag', work)

@@ -9,7 +9,8 @@ for a log of PX4.
 Stamps count from the first row. A row without all values of a topic gives no message on it, and is
 counted; likewise a row that repeats the time of the one before, and one with a quaternion of
 zeros, which loggers write while there is no attitude. Impossible poses are left out
-(:mod:`mambo_signals.outliers`). Unused columns are printed.
+(:mod:`mambo_signals.outliers`), and ends that were extrapolated (:mod:`.checks.extrapolated`).
+Topics that contradict each other are told (:mod:`.checks.bag_doubts`), unused columns are printed.
 """
 
 from __future__ import annotations
@@ -20,13 +21,14 @@ from typing import Any
 
 from mambo_bags.command import guard, nearest, Parser
 from mambo_bags.mcap_reader import BagError
+from mambo_bags.reader import read_bag
 from mambo_bags.writer import BagWriter
 from mambo_signals import frozen, outliers
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from .checks import plausible
+from .checks import bag_doubts, extrapolated, plausible
 from .common import (
     importer_parser, LONGEST, NAMESPACE, new_samples, provenance, Publisher, read_source, report,
     stamps_ns, unused)
@@ -182,12 +184,25 @@ class _Rows:
         if before.any():
             self.notes.append(f'{name}: {int(before.sum())} rows before the first time left out')
             usable &= ~before
+        if name in extrapolated.TOPICS:
+            self._extrapolated(name, values, usable)
         fields = _FIELDS[name](self, topic, found, usable, out)
         frame = {'optitrack/pose': 'map', 'onboard/odom': 'odom', 'onboard/reference': 'odom',
                  'motor_pwm': ''}.get(name, 'base_link')
         stamps = stamps_ns(self.times[name]).tolist()
         for row in np.flatnonzero(usable).tolist():
             out.publish(name, stamps[row], frame, **fields(row))
+
+    def _extrapolated(self, name: str, values: Floats, usable: NDArray[np.bool_]) -> None:
+        """Leave out the end of a topic, (n, k), that was not measured, and note it."""
+        rows, t = np.flatnonzero(usable), self.times[name]
+        last = extrapolated.begin(t[rows], values[rows])
+        if last is None:
+            return
+        end = rows[last + 1:]
+        usable[end] = False
+        self.notes.append(f'{name}: {len(end)} rows left out, from {t[end[0]]:.2f} s to the end: '
+                          'they continue those before in a straight line, and were not measured')
 
     def _lacking(
         self, name: str, topic: Topic, columns: list[str], lacking: NDArray[np.bool_],
@@ -312,7 +327,7 @@ def import_table(
 
     Returns
     -------
-    {topic: messages}; lines on what was left out.
+    {topic: messages}; lines on what was left out, and on topics that contradict each other.
 
     Raises
     ------
@@ -345,7 +360,7 @@ def import_table(
                 why = f' ({"; ".join(reasons)})' if reasons else ''
                 raise BagError(f'{source}: no row makes a message of {name}{why}: mend its '
                                'columns, or take it out of the mapping')
-        return writer.counts, [*rows.notes, *unused(others)]
+    return writer.counts, [*rows.notes, *bag_doubts.doubts(read_bag(target)), *unused(others)]
 
 
 def parser() -> Parser:

@@ -219,8 +219,10 @@ class Publisher:
         """Write a message whose other fields are 0."""
         name = self._topics[topic]
         message = columns.zero(self._store, name, header=self.header(stamp, frame), **fields)
+        # held back, as far as memory allows, because a log is read topic by topic
         self._writer.write(
-            f'{NAMESPACE}/{topic}', bytes(self._store.serialize_cdr(message, name)), stamp)
+            f'{NAMESPACE}/{topic}', bytes(self._store.serialize_cdr(message, name)), stamp,
+            now_ns=0)
 
 
 def importer_parser(name: str, description: str, source: str, help: str) -> Parser:

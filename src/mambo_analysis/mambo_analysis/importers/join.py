@@ -281,6 +281,18 @@ def _check_path(path: Path, own: motion.Motion, tracked: motion.Motion, shift: i
     return f'warning: {path}: {said}\n' if said else ''
 
 
+def _check_given(offset: float, bag: Bag, tracked: motion.Motion) -> str:
+    """Return a line, or '', on a given offset that is not the one by correlation."""
+    try:
+        found = find_clock(bag, tracked)
+    except AlignError:  # which is why one is given
+        return ''
+    if abs(offset - found.offset) <= max(CHANGE, CLEAR * found.sigma):
+        return ''
+    return (f'warning: by {found.source} the offset is {found.offset:+.3f} s, not the given '
+            f'{offset:+.3f} s: leave --offset out to take it\n')
+
+
 def join(flight: Path, mocap: Path, target: Path, offset: float | None = None,
          namespace: str | None = None) -> str:
     """
@@ -319,7 +331,8 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None,
     tracked = motion.read(other, POSE)
     clock = Clock(offset, math.nan, 'given') if offset is not None else find_clock(bag, tracked)
     shift = round(clock.offset * 1e9)
-    note = next(filter(None, [_check_path(mocap, motion.read(bag, topic), tracked, shift)
+    doubt = '' if offset is None else _check_given(offset, bag, tracked)
+    note = doubt + next(filter(None, [_check_path(mocap, motion.read(bag, topic), tracked, shift)
                               for topic in OWN if topic in bag]), '')
     parts = [mcap_reader.scan(file) for file in bag_files(flight)[0]]
     copied = [message for part in parts for message in in_order(part)]

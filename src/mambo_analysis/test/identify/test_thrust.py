@@ -140,14 +140,23 @@ def test_readings_that_are_left_out_are_counted_with_the_reason(tmp_path, capsys
 
 
 @pytest.mark.parametrize('unit, factor, noted', [
-    ('N', 1.0, False), ('N', 9.5, True), ('g', 1.0, True), ('g', 1000.0 / 9.81, False)])
+    ('N', 1.0, False), ('N', 4.0, True), ('g', 1.0, True), ('g', 1000.0 / 9.81, False)])
 def test_a_scale_in_another_unit_is_noted(tmp_path, capsys, unit, factor, noted):
-    """Of ten motors at once four would lift the vehicle some twenty times."""
+    """Of four motors at once four would lift the vehicle nine times."""
     file = tmp_path / 'bench.csv'
     np.savetxt(file, np.stack([COMMANDS, factor * bench(0)], axis=1), header='pwm,thrust',
                delimiter=',', comments='')
     assert main([str(file), '--unit', unit]) == 0
     assert ('check --unit, --motors and --base' in capsys.readouterr().out) == noted
+
+
+@pytest.mark.parametrize('zero, noted', [(0.0, False), (0.003, False), (0.05, True)])
+def test_a_wrong_zero_of_the_scale_is_noted(tmp_path, capsys, zero, noted):
+    file = tmp_path / 'bench.csv'
+    np.savetxt(file, np.stack([COMMANDS, bench(0) + zero], axis=1), header='pwm,thrust',
+               delimiter=',', comments='')
+    assert main([str(file)]) == 0
+    assert ('check the zero of the scale' in capsys.readouterr().out) == noted
 
 
 @pytest.mark.parametrize('output', [False, True])

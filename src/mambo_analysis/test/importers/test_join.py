@@ -2,6 +2,7 @@
 
 import dataclasses
 from pathlib import Path
+import re
 from types import SimpleNamespace
 
 from mambo_analysis.importers import join
@@ -74,6 +75,9 @@ def test_a_given_offset_is_taken_and_poses_outside_of_the_flight_are_counted(log
     message = join.join(log, take, tmp_path / 'joined', -1.0)
     assert 'moved by -1.0000 s, by given' in message and '120 outside' in message  # 1 s at 120 Hz
     assert read_bag(tmp_path / 'joined')[POSE].stamp[0] >= 0
+    assert re.search(rf'^warning: by .* the offset is \+{BEGAN:g}.* s, not the given -1.000 s',
+                     message, re.MULTILINE)
+    assert 'warning' not in join.join(log, take, tmp_path / 'right', BEGAN)
 
 
 def test_what_is_joined_can_be_asked_for_the_drift(log, take, tmp_path, capsys):

@@ -1,0 +1,108 @@
+"""
+Doubts about a drone's own estimate and its optical flow: what of them shows another motion.
+
+What five public logs of a Crazyflie with an onboard estimate show:
+
+* The position moves as the velocity says: the path of the one is 0.6 to 1.3 times that of the
+  other. Over 0.5 s, displacement and velocity of an axis have a correlation of 0.9 or more in
+  three of them, of -0.1 to 0.5 along x and y of the other two; those of two axes 0.6 at most.
+* The flow, averaged over 0.1 s, has a correlation of 0.37 to 0.95 with the velocity over the
+  height less the turning, of 0.34 at most with the other axis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import plausible, world_twist
+
+Floats = NDArray[np.float64]
+UNIT = 5.0  # [-] between the path of the position and that of the velocity
+LEAST_PATH = 0.5  # [m] that tells a unit
+PIECE = 0.5  # [s] over which displacements are compared
+GAP = 0.1  # [s] within a piece, at most
+FASTEST = 3.0  # [m/s] of a piece; more is a jump of the estimate
+AVERAGE = 0.1  # [s] over which the flow is averaged
+LOWEST = 0.2  # [m] at which the flow counts
+LEAST_ROWS = 20  # of pieces and averages
+
+
+def own_velocity(
+    t: Floats, position: Floats, velocity: Floats, names: Sequence[str], rates: Sequence[str],
+) -> list[str]:
+    """
+    Return a line about each axis of an estimate whose velocity is not that of its position.
+
+    Parameters
+    ----------
+    t : (n,) s, ascending
+    position, velocity : (n, 3) m, m/s
+        In the same inertial axes.
+    names, rates
+        Of the axes of position and velocity.
+
+    """
+    if len(t) < 3:
+        return []
+    lines = []
+    moved = np.abs(np.diff(position, axis=0)).sum(axis=1)
+    fast = np.abs(velocity[1:]).sum(axis=1) * np.diff(t)
+    path, flown = (float(np.sum(x[x <= np.percentile(x, 90.0)])) for x in (moved, fast))
+    if max(path, flown) > LEAST_PATH and not flown / UNIT < path < flown * UNIT:
+        lines.append(f'the position moves {path:.3g} m where the velocity says {flown:.3g} m: '
+                     f'check the units of {names[0]} and {rates[0]}')
+    integral = np.cumsum(velocity * np.gradient(t)[:, None], axis=0)
+    edges = np.arange(t[0], t[-1], PIECE)
+    own, seen = (world_twist.pieces(edges, t, x) for x in (integral, position))
+    gaps = np.concatenate([[0], np.cumsum(np.diff(t) > GAP)])
+    first, last = np.searchsorted(t, edges[:-1], 'right') - 1, np.searchsorted(t, edges[1:])
+    whole = gaps[first] == gaps[last]
+    steady = whole & (np.linalg.norm(seen, axis=1) < FASTEST * PIECE)
+    return lines + _turned(own[steady], seen[steady], [
+        f'{name} shows the motion of {{}}' for name in rates], names)
+
+
+def flow(
+    t: Floats, seen: Floats, velocity: Floats, height: Floats, rates: Floats, names: Sequence[str],
+) -> list[str]:
+    """
+    Return a line for each axis of an optical flow that shows another motion, or the opposite.
+
+    Parameters
+    ----------
+    t : (n,) s, ascending
+    seen : (n, 2)
+        Along x and y of the body, in any unit, with what the turning adds.
+    velocity : (n, 2) m/s
+        Along the same axes.
+    height : (n,) m
+    rates : (n, 3) rad/s, body FLU
+    names
+        Of the two signals.
+
+    """
+    known = np.isfinite(np.column_stack([seen, velocity, height, rates])).all(axis=1)
+    known[known] = height[known] > LOWEST
+    t, seen, velocity, rates = (x[known] for x in (t, seen, velocity, rates))
+    expected = velocity / height[known, None] + np.column_stack([-rates[:, 1], rates[:, 0]])
+    _, which = np.unique(np.floor(t / AVERAGE), return_inverse=True)
+    share = np.maximum(np.bincount(which), 1)[:, None]
+    mean, ours = (np.column_stack([np.bincount(which, x) for x in y.T]) / share
+                  for y in (seen, expected))
+    return _turned(mean, ours, [f'{name} shows the motion along {{}}' for name in names],
+                   ('x', 'y'))
+
+
+def _turned(
+    values: Floats, other: Floats, said: Sequence[str], names: Sequence[str],
+) -> list[str]:
+    """Return a line for each column of values, (n, k), that shows another one of the other."""
+    if len(values) < LEAST_ROWS:
+        return []
+    alike = plausible.correlations(values, other)
+    return [f'{line.format(shown)} (correlation {abs(alike[k]).max():.2f}): check names and signs '
+            'before you use them' for k, line in enumerate(said)
+            if (shown := plausible.other_axis(alike[k], k, names))]

@@ -1,0 +1,122 @@
+"""Doubts about imported bags: none about real flights, one for each part of a mapping changed."""
+
+from pathlib import Path
+
+from mambo_analysis.importers import any_table, crazyflie, minidrone
+from mambo_analysis.importers.checks import bag_doubts
+from mambo_analysis.importers.common import Publisher
+from mambo_bags.reader import read_bag
+from mambo_bags.writer import BagWriter
+import numpy as np
+import pytest
+
+DATA = Path(__file__).resolve().parents[6] / 'shared' / 'data'
+NANOBENCH = sorted((DATA / 'nanobench').glob('*.csv'))
+CRAZYFLIE = sorted((DATA / 'crazyflie_optitrack').glob('*.json'))
+ROLLING_SPIDER = sorted((DATA / 'rolling_spider_flights').glob('*.mat'))
+DIVERGED = 'crazyflie-client_lab07_lab08_hover_custom_custom__ae1930a'
+CIRCLE, HELIX = (
+    DATA / 'nanobench' / f'{name}_rep1.csv' for name in ('B2_circle_medium', 'B5_helix_medium'))
+MAPPING = any_table.shipped()['nanobench'].read_text()
+needs_data = pytest.mark.skipif(
+    not NANOBENCH, reason='recordings are not beside the repo (../shared/data)')
+
+
+def stem(path):
+    return path.stem
+
+
+@needs_data
+@pytest.mark.parametrize('path', NANOBENCH, ids=stem)
+def test_nothing_is_said_about_flights_of_nanobench(path, tmp_path):
+    any_table.import_table(path, tmp_path / 'bag', any_table.shipped()['nanobench'])
+    assert not bag_doubts.doubts(read_bag(tmp_path / 'bag'))
+
+
+@needs_data
+@pytest.mark.parametrize('path', CRAZYFLIE + ROLLING_SPIDER, ids=stem)
+def test_nothing_is_said_about_other_flights_but_one(path, tmp_path):
+    command = crazyflie if path.suffix == '.json' else minidrone
+    assert command.main([str(path), str(tmp_path / 'bag')]) == 0
+    found = bag_doubts.doubts(read_bag(tmp_path / 'bag'))
+    if path.stem == DIVERGED:
+        assert [line[:75] for line in found] == [
+            'optitrack/pose: the path in the motion capture is 3.85 times as large as th']
+    else:
+        assert not found
+
+
+def said(tmp_path, capsys, path, *changes):
+    """Return what an import says whose mapping was changed, by (text, instead)."""
+    text = MAPPING
+    for old, new in changes:
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    (tmp_path / 'map.yaml').write_text(text)
+    assert any_table.main([str(path), str(tmp_path / 'bag'), '--map',
+                           str(tmp_path / 'map.yaml')]) == 0
+    return capsys.readouterr().out
+
+
+GYRO, ACCELERATION = 'imu_gyro_x, imu_gyro_y, imu_gyro_z', 'imu_acc_x, imu_acc_y, imu_acc_z'
+VELOCITY = 'est_stateEstimate_vx, est_stateEstimate_vy, est_stateEstimate_vz'
+ESTIMATE = 'est_stateEstimate_x, est_stateEstimate_y, est_stateEstimate_z'
+TRACKED = 'position: [px, py, pz]'
+
+
+@needs_data
+@pytest.mark.parametrize('path', [CIRCLE, HELIX], ids=stem)
+@pytest.mark.parametrize('changes, line', [
+    ([(f'[{ACCELERATION}]', f'[{GYRO}]')],
+     'imu/data_raw: the accelerometer has a median length of '),
+    ([(ACCELERATION, 'imu_acc_z, imu_acc_x, imu_acc_y')],
+     'imu/data_raw: turned by the attitude of optitrack/pose, the accelerometer points '),
+    ([(f'[{GYRO}]', f'{{columns: [{GYRO}], unit: deg/s}}')],
+     'imu/data_raw: the gyro shows the turning of optitrack/pose 0.01'),
+    ([('optitrack/pose:', 'optitrack/pose:\n    time: {offset: 1000.0}')],
+     'optitrack/pose (1000.0 to '),
+    ([(TRACKED, 'position: {columns: [px, py, pz], unit: mm}')],
+     'optitrack/pose: the positions stay within 0.00'),
+    ([(TRACKED, 'position: [py, px, pz]')],
+     'optitrack/pose: the motion capture shows the mirror image of the path'),
+    ([(ESTIMATE, 'est_stateEstimate_y, est_stateEstimate_x, est_stateEstimate_z')],
+     'onboard/odom: x of the velocity shows the motion of y of the position'),
+    ([(f'[{VELOCITY}]', f'{{columns: [{VELOCITY}], unit: mm/s}}')],
+     'onboard/odom: the position moves '),
+    ([('voltage: [pwr_pm_vbat]', 'voltage: {columns: [pwr_pm_vbat], unit: mV}')],
+     'battery: it has a median of 0.003'),
+    ([('[sp_ctrltarget_x, sp_ctrltarget_y, sp_ctrltarget_z]',
+       '[t, sp_ctrltarget_y, sp_ctrltarget_z]')], 'onboard/reference: it is '),
+])
+def test_a_changed_mapping_is_told(tmp_path, capsys, path, changes, line):
+    assert line in said(tmp_path, capsys, path, *changes)
+    (tmp_path / 'bag').rename(tmp_path / 'other')
+    assert line not in said(tmp_path, capsys, path)
+
+
+@needs_data
+def test_swapped_rates_are_told_where_the_flight_turns_enough(tmp_path, capsys):
+    line = 'imu/data_raw: the gyro shows roll, pitch, yaw as pitch, roll, yaw of optitrack/pose'
+    assert line in said(
+        tmp_path, capsys, HELIX, (GYRO, 'imu_gyro_y, imu_gyro_x, imu_gyro_z'))
+
+
+@pytest.mark.parametrize('pwm, line', [
+    ([0.2, 0.3, 0.4, 0.6], 'motor_pwm: the commands are up to 0.6: they are shares'),
+    ([0.0] * 4, 'motor_pwm: the commands are 0 throughout: the motors stand'),
+    ([300.0, 310.0, 290.0, 305.0], '')])
+def test_commands_in_another_unit_are_told(tmp_path, pwm, line):
+    with BagWriter(tmp_path / 'bag') as writer:
+        out = Publisher(writer, {'motor_pwm': 'mambo_interfaces/msg/MotorPwm'})
+        for k in range(50):
+            out.publish('motor_pwm', 10_000_000 * k, '', pwm=np.array(pwm))
+    found = bag_doubts.doubts(read_bag(tmp_path / 'bag'))
+    assert [text[:len(line)] for text in found] == [line] * bool(line)
+
+
+def test_a_topic_of_one_message_is_told(tmp_path):
+    with BagWriter(tmp_path / 'bag') as writer:
+        out = Publisher(writer, {'motor_pwm': 'mambo_interfaces/msg/MotorPwm'})
+        out.publish('motor_pwm', 0, '', pwm=np.array([1.0, 2.0, 3.0, 4.0]))
+    assert bag_doubts.doubts(read_bag(tmp_path / 'bag')) == [
+        'motor_pwm: it has one message: nothing can be seen of a motion']
