@@ -98,7 +98,7 @@ done
 mkdir -p .cache
 exec 9>.cache/build.lock
 if command -v flock >/dev/null; then
-    flock 9
+    flock -n 9 || { echo 'mambo: waiting for a build that is under way' >&2; flock 9; }
     up_to_date && exit 0
     [[ -z $part ]] || ! messages_built || ! link_packages || exit 0
 fi
@@ -118,8 +118,14 @@ if [[ $part ]]; then
     chosen=(--packages-select mambo_interfaces)
     link_packages
 fi
+interrupted=
+trap 'interrupted=yes' INT
 colcon build --event-handlers console_direct- console_cohesion+ "${chosen[@]}" >"$log" 2>&1 || {
     [[ -z $building ]] || wait "$building" || true
+    if [[ $interrupted ]]; then
+        echo 'mambo: the build was interrupted: start it again to go on' >&2
+        exit 130
+    fi
     sed -n '/^--- stderr/,/^---$/p' "$log" | head -n 40 >&2
     echo "mambo: the build failed: see $root/$log" >&2
     exit 1
@@ -129,4 +135,6 @@ colcon build --event-handlers console_direct- console_cohesion+ "${chosen[@]}" >
     exit 1
 }
 mend_interpreters
-echo "mambo: built in $SECONDS s; the first flight compiles for about a minute" >&2
+later='; the first flight compiles for about a minute'
+if compgen -G '.cache/numba-*' >/dev/null; then later=; fi
+echo "mambo: built in $SECONDS s$later" >&2

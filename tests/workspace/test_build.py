@@ -1,5 +1,6 @@
 """tools/build.bash: it builds what changed, and only then (colcon stands in as a small script)."""
 
+import fcntl
 import os
 from pathlib import Path
 import shutil
@@ -113,6 +114,35 @@ def test_a_new_package_builds(workspace):
     (workspace.root / 'src/mambo_b').mkdir()
     workspace.write('src/mambo_b/package.xml')
     assert workspace.build()[1] == 2
+
+
+def test_a_build_that_is_interrupted_says_so(workspace):
+    workspace.write('src/mambo_a/setup.py')
+    workspace.write('bin/colcon', '#!/bin/bash\ntrap "exit 2" INT\nkill -INT $PPID $$\nsleep 9')
+    code, _, error = workspace.build()
+    assert code == 130
+    assert error.splitlines()[-1] == 'mambo: the build was interrupted: start it again to go on'
+
+
+def test_a_second_build_says_that_it_waits(workspace):
+    workspace.write('src/mambo_a/setup.py')
+    (workspace.root / '.cache').mkdir(exist_ok=True)
+    with (workspace.root / '.cache/build.lock').open('w') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        waiting = subprocess.Popen(
+            [workspace.root / 'tools/build.bash'], text=True, stderr=subprocess.PIPE,
+            env=os.environ | {'PATH': f'{workspace.root}/bin:{os.environ["PATH"]}',
+                              'MAMBO_ROS': 'system'})
+        assert waiting.stderr.readline() == 'mambo: waiting for a build that is under way\n'
+    assert waiting.communicate(timeout=30)[1].startswith('mambo: building the workspace\n')
+    assert waiting.returncode == 0
+
+
+def test_a_minute_of_compiling_is_announced_only_before_the_first(workspace):
+    for folder, said in (('.cache', True), ('.cache/numba-1', False)):
+        (workspace.root / folder).mkdir(exist_ok=True)
+        workspace.write('src/mambo_a/setup.py')
+        assert ('compiles for about a minute' in workspace.build()[2]) == said
 
 
 @pytest.fixture

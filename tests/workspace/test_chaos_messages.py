@@ -17,7 +17,7 @@ ATTACK = hostile.Attack('values', 'processes', 'flight', 5, 1)
 ZERO, LEVEL = (0.0,) * 3, (1.0, 0.0, 0.0, 0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_attacked_flight_is_survived_and_one_that_differs_is_lost(tmp_path, monkeypatch):
     # long enough for the stranger to come in time
     monkeypatch.setitem(hostile.MODES, 'processes', ['run', '--processes', '--duration=60'])

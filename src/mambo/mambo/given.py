@@ -7,10 +7,10 @@ import os
 from pathlib import Path
 from typing import Any
 
-from mambo_flight.gym.inputs import plain
+from mambo_flight.gym.inputs import plain, whole
 from mambo_model.errors import InputError
 
-__all__ = ['parameters', 'path', 'plain']
+__all__ = ['parameters', 'path', 'plain', 'whole']
 
 
 def parameters(values: Mapping[str, Any] | None) -> dict[str, Any]:

@@ -8,6 +8,7 @@ import re
 import tempfile
 from typing import Any
 
+from mambo_bags.cli.option_types import MOST_WORKERS
 from mambo_flight.course import course_file
 from mambo_flight.sweep import command, design
 from mambo_model.components import look_again
@@ -40,10 +41,13 @@ def sweep(
     Raises
     ------
     InputError
-        For a wrong file or mapping, naming line and key, or if the output exists.
+        For a wrong file or mapping, naming line and key, a wrong number of workers, or if the
+        output exists.
 
     """
     look_again()
+    if workers is not None:
+        workers = given.whole('workers', workers, 1, MOST_WORKERS)
     with tempfile.TemporaryDirectory(prefix='mambo_') as folder:
         out = Path(folder) / 'sweep.parquet' if output is None else given.path(output, 'output')
         if not isinstance(what, Mapping):

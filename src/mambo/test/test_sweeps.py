@@ -4,6 +4,7 @@ from pathlib import Path
 
 import mambo
 from mambo_flight.sweep import command
+from mambo_model.errors import InputError
 import pandas
 import pytest
 
@@ -71,3 +72,9 @@ def test_files_of_a_mapping_are_those_of_the_current_directory(tmp_path, monkeyp
         'vehicle': ['toolbox', 'heavy.yaml']}}, ideal=True, workers=1)
     assert table['vehicle'].tolist() == ['toolbox', f'{tmp_path}/heavy.yaml']
     assert table['pwm_max'][0] != table['pwm_max'][1]
+
+
+@pytest.mark.parametrize('workers', [0, -1, 1025, 'a', 1.5, True])
+def test_workers_are_a_whole_number(workers):
+    with pytest.raises(InputError, match='^workers = .* must be a whole number, 1 to 1024$'):
+        mambo.sweep({'title': 'x', 'vary': {'seed': [1]}}, workers=workers)

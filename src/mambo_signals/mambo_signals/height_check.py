@@ -17,7 +17,7 @@ LEAST_ROWS = 50     # of two signals that are compared
 LEAST_CHANGE = 0.1  # m, standard deviation of a range or a path that can be compared
 FOLLOWS = 0.95      # correlation of a range with the axis that is up; five real flights: 0.999
 OTHER = 0.9  # correlation below which a range does not follow an axis; the others have up to 0.78
-FACTOR = 1.5  # of the height by the range: five real flights 0.987 to 1.011, feet 3.3
+FACTOR = 1.25  # of the height by the range: five real flights 0.987 to 1.011, feet 3.3
 WITHIN = 1.2  # [-] times the shortest range, which a range repeats on the floor
 GAP = 0.1     # s, over which poses are connected
 

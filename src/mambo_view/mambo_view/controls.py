@@ -37,6 +37,11 @@ class Order(NamedTuple):
     arguments: dict[str, Any]
 
 
+def _whole(value: float) -> int:
+    """Return a typed number as a whole one; -1, which no command takes, if it is none."""
+    return int(value) if math.isfinite(value) and value == int(value) else -1
+
+
 class Controls:
     """
     The commands of a page; they are off until :meth:`offer` says what the flight takes.
@@ -108,8 +113,10 @@ class Controls:
         """Pause, go on, step."""
         self._button(gui, 'pause', 'Pause', lambda: {})
         self._button(gui, 'resume', 'Resume', lambda: {})
-        steps = gui.add_number('steps of 5 ms', 1, min=1, max=_STEPS, step=1)
-        self._button(gui, 'step', 'Step', lambda: {'steps': int(steps.value)})
+        # a float: of a whole number viser would send on one that no other page can read
+        self._steps = gui.add_number('steps of 5 ms', 1.0, min=1.0, max=float(_STEPS), step=1.0)
+        self._button(gui, 'step', 'Step', lambda: {
+            'steps': _whole(self._steps.value)})
 
     def _tab_set(self, gui: Any) -> None:
         """Set parameters."""

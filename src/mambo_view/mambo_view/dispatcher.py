@@ -180,8 +180,7 @@ class Dispatcher:
         course = None
         try:
             if order.name == 'set':
-                order.arguments['parameters'] = dict(
-                    self._setting(one) for one in order.arguments['parameters'].split())
+                order.arguments['parameters'] = self._settings(order.arguments['parameters'])
             if order.name == 'follow':
                 course = self._course(order.arguments['trajectory'])
         except (MamboError, ValueError) as error:
@@ -192,6 +191,14 @@ class Dispatcher:
                 if one.waits and one.drone in drones and one.order.name in FLIGHT:
                     self._finish(one, f'not sent: {_words(order.name)} came after it', False)
         self._pending += [_Pending(order, drone, course) for drone in drones]
+
+    def _settings(self, text: str) -> dict[str, Any]:
+        """Return {name: value} of what was typed; ValueError for a name given twice."""
+        given = [self._setting(one) for one in text.split()]
+        names = [name for name, _ in given]
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise ValueError(f'{twice[0]}: given twice')
+        return dict(given)
 
     def _course(self, name: str) -> _Course:
         """Begin to read a trajectory, one of those that are offered."""

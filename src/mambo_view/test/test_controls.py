@@ -4,6 +4,7 @@ import math
 
 from free_port import free_port
 from mambo_view.controls import ALL, Controls, FLIGHT, TIME
+import msgspec
 import pytest
 import viser
 
@@ -96,6 +97,16 @@ def test_the_yaw_is_typed_in_degrees(one):
     one._yaw.value = 90.0
     press(one, 'go_to')
     assert one.take()[0].arguments['yaw'] == math.pi / 2
+
+
+def test_steps_of_any_size_can_be_sent_on_to_the_other_pages(one):
+    one.offer({ONE: EVERY})
+    for typed, steps in ((1.0, 1), (7.0, 7), (1.5, -1), (math.inf, -1), (math.nan, -1),
+                         (1e30, int(1e30))):
+        one._steps.value = type(one._steps.value)(typed)  # as viser does with what it receives
+        msgspec.msgpack.encode(one._steps.value)
+        press(one, 'step')
+        assert one.take()[0].arguments == {'steps': steps}
 
 
 def test_orders_are_for_the_chosen_drone_or_all(both):

@@ -181,7 +181,7 @@ def test_parameters_are_set_as_they_are_typed(stand):
     stand.click('set', ONE, TWO, parameters='a.b=1 a.c=2')
     assert [call.arguments for call in stand.calls] == [
         {'parameters': {'a.b': 1.0, 'a.c': 2.0}}] * 2
-    for wrong in ('a.b', 'a.b=x'):
+    for wrong in ('a.b', 'a.b=x', 'a.b=1 a.c=2 a.b=3'):
         stand.click('set', parameters=wrong)
         assert not stand.controls.answers[-1][1]
     assert len(stand.calls) == 2

@@ -30,19 +30,23 @@ from mambo_flight.accuracy import bound, cramer_rao, filter_run, from_bag
 from mambo_model.errors import InputError
 from mambo_model.frames import flip_vector
 from mambo_ros import topics
+from mambo_signals import gyro_check, motion
 from mambo_signals.resample import interpolate
+from mambo_signals.time_offset import AlignError
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from . import captured
-from ..compare.estimate import parameters
+from ..compare.estimate import chosen
 
 Array = NDArray[np.float64]
 DT = 0.005          # s, step of the bound
 FAR = 10.0          # m: below this height no drag is measured, that is never
 LONGEST = 600.0     # s of a flight
 SPAN = 7200.0       # s between the first and the last pose
+CHANCE = 5.0        # [-] of reached over bound: one flight has 2 by chance
+AIDING = (topics.SONAR.name, topics.OPTICAL_FLOW.name, topics.BAROMETER.name)
 
 
 class Line(NamedTuple):
@@ -233,6 +237,29 @@ def table(name: str, duration: float, lines: list[Line]) -> str:
     return '\n'.join(out)
 
 
+def _refuse_gyro(bag: Bag) -> None:
+    """Refuse a gyro that contradicts the motion capture; BagError in one line."""
+    if topics.IMU.name not in bag:
+        return
+    imu, tracked = bag[topics.IMU.name], motion.read(bag, topics.OPTITRACK.name)
+    try:
+        gyro_check.refuse(gyro_check.compare(
+            imu.t, imu.angular_velocity, tracked.t, tracked.quaternion))
+    except AlignError as error:
+        raise BagError(f'{bag.path}: {error}') from None
+
+
+def notes(bag: Bag, origin: str, lines: list[Line]) -> list[str]:
+    """Return what to know of a comparison: sensors that are not there, ratios beyond chance."""
+    out = [f'parameters of {origin}']
+    if missing := [name for name in AIDING if name not in bag]:
+        out.append(f'no {", ".join(missing)} in the bag: bound and filter are without')
+    if any(line.reached > CHANCE * line.bound for line in lines):
+        out.append(f'more than {CHANCE:g} times a bound is not chance: the filter has not '
+                   'converged, or these are not the noise and the priors of this recording')
+    return out
+
+
 def is_recording(name: str, namespace: str | None = None) -> bool:
     """Return whether a name is that of a bag with motion capture and without ground truth."""
     if not from_bag.is_bag(name):
@@ -253,17 +280,24 @@ def _run(options: argparse.Namespace) -> None:
         raise InputError(f'{options.scenario}: a recording has been flown: leave out '
                          f'{", ".join(given)}')
     bag = read_bag(Path(options.scenario), namespace=options.namespace)
-    duration, lines = of_bag(bag, parameters(bag, options.parameters).joint)
+    _refuse_gyro(bag)
+    node, origin = chosen(bag, options.parameters)
+    duration, lines = of_bag(bag, node.joint)
+    said = notes(bag, origin, lines)
     if options.json:
-        write_json(options.json, json.dumps(
-            {'duration': duration, 'quantities': [line._asdict() for line in lines]}, indent=1))
+        write_json(options.json, json.dumps({
+            'duration': duration, 'quantities': [line._asdict() for line in lines],
+            'notes': said}, indent=1))
     if options.json != '-':
-        print(table(options.scenario, duration, lines))
+        print(table(options.scenario, duration, lines), *said, sep='\n')
 
 
 def parser() -> Parser:
     """Return the command line."""
     out = bound.parser()
+    next(action for action in out._actions if action.dest == 'scenario').help = (
+        'experiment, experiment/flight, file, trajectory, bag of a simulated flight, or of a real '
+        'one with motion capture')
     out.description = f'{bound.__doc__.strip()}\n\n{__doc__.strip().partition(chr(10))[2].strip()}'
     out.add_argument('--parameters', type=Path, metavar='FILE',
                      help='scenario file with noise and priors of the sensors of a recording '

@@ -58,11 +58,11 @@ def parameters(bag: Bag, file: Path | None = None) -> EstimatorNodeParams:
         If the file or the scenario in the bag is none, or asks for the ground truth (file only).
 
     """
-    return _chosen(bag, file)[0]
+    return chosen(bag, file)[0]
 
 
-def _chosen(bag: Bag, file: Path | None) -> tuple[EstimatorNodeParams, str]:
-    """Return the parameters, and where they come from."""
+def chosen(bag: Bag, file: Path | None) -> tuple[EstimatorNodeParams, str]:
+    """Return the parameters of :func:`parameters`, and in words where they come from."""
     if file is not None:
         node = scenario.load(file, 'estimator_node').estimator_node
         if node.estimator == 'ground_truth':
@@ -72,7 +72,8 @@ def _chosen(bag: Bag, file: Path | None) -> tuple[EstimatorNodeParams, str]:
         flight = scenario.from_yaml(
             str(bag.attachments['scenario.yaml']), f'scenario.yaml in {bag.path}')
         if flight.estimator_node.estimator != 'ground_truth':
-            return recorded_changes.estimated(flight, bag).estimator_node, 'the bag'
+            node = recorded_changes.estimated(flight, bag).estimator_node
+            return node, 'the bag' + ', changed in flight' * bool(node.changes)
     return EstimatorNodeParams(), (
         'the simulated Mambo, as the bag holds none: --parameters FILE gives those of a vehicle')
 
@@ -185,7 +186,7 @@ def again(
 
     """
     bag = read_bag(path, READ, namespace)
-    node, origin = _chosen(bag, file)
+    node, origin = chosen(bag, file)
     ours = answer(bag, node)
     return bag, ours, (
         f'estimator: {node.estimator}, parameters of {origin}\n'

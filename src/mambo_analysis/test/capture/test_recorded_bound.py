@@ -139,9 +139,17 @@ def test_the_command_prints_bound_and_errors_of_a_recording(monkeypatch, tmp_pat
     monkeypatch.setattr(recorded_bound, 'of_bag', lambda bag, p: (
         15.0, [recorded_bound.Line('tilt', 'deg', 0.3, 0.6)]))
     assert recorded_bound.main([str(tmp_path / 'b')]) == 0
-    assert 'tilt [deg]' in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert 'tilt [deg]' in out
+    assert 'parameters of the simulated Mambo, as the bag holds none' in out
+    assert 'no sonar/range, optical_flow, barometer/pressure in the bag' in out
+    assert 'is not chance' not in out
     assert recorded_bound.main([str(tmp_path / 'b'), '--json']) == 0
     assert json.loads(capsys.readouterr().out)['quantities'][0]['reached'] == 0.6
+    monkeypatch.setattr(recorded_bound, 'of_bag', lambda bag, p: (
+        15.0, [recorded_bound.Line('tilt', 'deg', 0.3, 1.6)]))
+    assert recorded_bound.main([str(tmp_path / 'b')]) == 0
+    assert 'more than 5 times a bound is not chance' in capsys.readouterr().out
 
 
 def test_the_bound_begins_in_the_air(monkeypatch, tmp_path):

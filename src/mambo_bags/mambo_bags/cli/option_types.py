@@ -66,5 +66,6 @@ def _bounded(
 SLOPE = real(-100.0, 100.0, '1/m')
 TIME = real(-1e12, 1e12, 's')
 """A time of a recording; stamps since 1970 are 2e9 s."""
-WORKERS = whole(1, 1024)
+MOST_WORKERS = 1024
+WORKERS = whole(1, MOST_WORKERS)
 FLIGHT = whole(0, 10_000_000)

@@ -96,22 +96,23 @@ def options(values: Any, form: str = '', known: str = '') -> Mapping[Any, Any]:
     return given
 
 
-def whole(name: str, value: Any, least: int) -> int:
+def whole(name: str, value: Any, least: int, most: int | None = None) -> int:
     """
     Return a whole number of Python or numpy as an int.
 
     Raises
     ------
     InputError
-        If it is something else, such as True, or less than ``least``.
+        If it is something else, such as True, less than ``least`` or more than ``most``.
 
     """
     try:
         number = None if isinstance(value, bool) else operator.index(value)
     except TypeError:  # of numpy's booleans, too
         number = None
-    if number is None or number < least:
-        raise InputError(f'{name} = {_shown(value)} must be a whole number, at least {least}')
+    if number is None or number < least or most is not None and number > most:
+        limits = f'at least {least}' if most is None else f'{least} to {most}'
+        raise InputError(f'{name} = {_shown(value)} must be a whole number, {limits}')
     return number
 
 

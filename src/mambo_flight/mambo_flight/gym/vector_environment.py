@@ -24,6 +24,7 @@ from .task import OBSERVED
 Steps = tuple[
     NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_],
     dict[str, Any]]
+MOST_DRONES, MOST_THREADS = 1_000_000, 1024
 _REASONS = np.array(REASONS, dtype=object)
 
 
@@ -36,7 +37,7 @@ class DroneVectorEnv(VectorEnv):
     Parameters
     ----------
     num_envs
-        N.
+        N, at most ``MOST_DRONES``.
     task, **arguments
         See :func:`configuration.configure`.
     autoreset_mode
@@ -55,9 +56,9 @@ class DroneVectorEnv(VectorEnv):
     ) -> None:
         if render_mode is not None:
             raise InputError(f'render_mode = {render_mode!r}: there is none')
-        num_envs = inputs.whole('num_envs', num_envs, 1)
+        num_envs = inputs.whole('num_envs', num_envs, 1, MOST_DRONES)
         if threads is not None:
-            threads = inputs.whole('threads', threads, 1)
+            threads = inputs.whole('threads', threads, 1, MOST_THREADS)
         try:
             self.autoreset_mode = AutoresetMode(autoreset_mode)
         except ValueError:

@@ -40,6 +40,12 @@ def test_what_is_no_whole_number_is_refused(value):
         inputs.whole('threads', value, 1)
 
 
+def test_a_whole_number_has_a_limit_where_memory_has():
+    assert inputs.whole('num_envs', 1000, 1, 1000) == 1000
+    with pytest.raises(InputError, match='^num_envs = 1001 must be a whole number, 1 to 1000$'):
+        inputs.whole('num_envs', 1001, 1, 1000)
+
+
 @pytest.mark.parametrize(('value', 'expected'), [
     (None, [None] * 3), (4, [4, 5, 6]), (np.array(4), [4, 5, 6]), ([4, None, 0], [4, None, 0]),
     (np.array([1, 2, 3]), [1, 2, 3]), (range(3), [0, 1, 2]), (iter((3, 2, 1)), [3, 2, 1])])

@@ -4,7 +4,7 @@ What in an imported bag contradicts itself: :func:`doubts`.
 A table or a foreign bag is taken as its mapping says. Its topics are of one flight, so they must
 agree: times, turning, gravity, heights, paths. Each contradiction is one line; nothing is changed.
 Of eight logs of a Crazyflie, seven flights of one under Vicon (NanoBench) and twelve of a Rolling
-Spider one gets a line, whose own estimate is wrong by a factor of 3.9.
+Spider two get a line: one whose own estimate is wrong by a factor of 3.9, and one on its side.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from mambo_bags.reader import Bag, BagError
 from mambo_signals import gyro_check, height_check, motion
 from mambo_signals.motion import Motion
 from mambo_signals.resample import interpolate, longest_step
+from mambo_signals.time_offset import AlignError
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -33,6 +34,9 @@ SHARES = 1.0  # the largest command of a mapping to shares of the full one
 FARTHEST = 5.0  # [m] median distance of drone and reference
 LEAST_TIME = 5.0  # [s] after which a flight has moved
 LEAST_SPAN = 0.02  # [m] between 5 and 95 % of the positions of a flight; a hover has 0.05
+LATE = 0.1  # [s] between gyro and attitude
+STOPPED = 1.0  # [s] with the same numbers
+MOVED = 0.1  # [m] of another motion meanwhile
 TURNED = 0.01  # [rad] standard deviation of the tilt of a drone in the air, at least
 
 
@@ -46,11 +50,12 @@ def doubts(bag: Bag) -> list[str]:
             except BagError:  # fewer than two usable samples, which is said by what needs them
                 pass
     out = _apart(bag)
-    attitude = next((one for one in motions.values() if np.isfinite(one.quaternion).any()), None)
     if 'imu/data_raw' in bag and len(bag['imu/data_raw']) > 1:
-        out += _inertial(bag, attitude)
+        out += _dead(bag) or _inertial(bag, [
+            one for one in motions.values() if np.isfinite(one.quaternion).any()])
     for one in motions.values():
         out += _still(one)
+    out += _stopped(bag, motions)
     out += [f'sonar/range: {line}: check both before you use them'
             for line in height_check.of_bag(bag)]
     out += _ranges(bag, motions)
@@ -89,8 +94,22 @@ def _short(topic: str) -> str:
     return topic.removeprefix('/mambo/')
 
 
-def _inertial(bag: Bag, attitude: Motion | None) -> list[str]:
-    """Return lines about gyro and accelerometer beside an attitude, if there is one."""
+def _dead(bag: Bag) -> list[str]:
+    """Return a line about each inertial sensor with an axis of one value throughout."""
+    imu, out = bag['imu/data_raw'], []
+    for name, values in (('gyro', imu.angular_velocity), ('accelerometer', imu.acceleration)):
+        known = values[np.isfinite(values).all(axis=1)]
+        if len(known) < gyro_check.LEAST_SAMPLES:
+            continue
+        if (still := np.ptp(known, axis=0) == 0.0).any():
+            axis = int(np.argmax(still))
+            out.append(f'imu/data_raw: the {name} shows {known[0, axis]:.4g} along {"xyz"[axis]} '
+                       'throughout: that axis is dead, or was not recorded')
+    return out
+
+
+def _inertial(bag: Bag, motions: list[Motion]) -> list[str]:
+    """Return lines about gyro and accelerometer beside the attitudes of some motions."""
     imu = bag['imu/data_raw']
     gyro, force = imu.angular_velocity, imu.acceleration
     out = []
@@ -100,18 +119,35 @@ def _inertial(bag: Bag, attitude: Motion | None) -> list[str]:
         if not FORCE[0] <= usual <= FORCE[1]:
             out.append(f'imu/data_raw: the accelerometer has a median length of {usual:.3g} m/s^2 '
                        f'instead of {GRAVITY:g}: check its columns and unit')
-        elif attitude is not None:
-            out += _gravity(attitude.values(imu.stamp[known], attitude.quaternion), force[known],
-                            attitude.name)
-    if attitude is None or not np.isfinite(gyro).all(axis=1).any():
+        elif motions:
+            out += _gravity(motions[0].values(imu.stamp[known], motions[0].quaternion),
+                            force[known], motions[0].name)
+    if not np.isfinite(gyro).all(axis=1).any():
         return out
-    found = gyro_check.compare(imu.t, gyro, attitude.t, attitude.quaternion)
-    if axes := gyro_check.other_axes(found):
-        out.append(f'imu/data_raw: {axes} of {attitude.name}: check the axes of both')
-    elif (gain := gyro_check.other_unit(found)) is not None:
-        out.append(f'imu/data_raw: the gyro shows the turning of {attitude.name} {gain:.3g} '
-                   'times: check the units of both')
+    for one in motions:
+        if said := _turning(gyro_check.compare(imu.t, gyro, one.t, one.quaternion), one.name):
+            out.append(f'imu/data_raw and {one.name}: {said}')
     return out
+
+
+def _turning(found: gyro_check.Turning | None, name: str) -> str:
+    """Return in words how a gyro contradicts the attitude of a topic; empty: it does not."""
+    if found is None:
+        return ''
+    if name != OWN:  # an estimate follows small turning less well
+        try:
+            gyro_check.refuse(found)
+        except AlignError as error:
+            return str(error)
+    if axes := gyro_check.other_axes(found):
+        return f'{axes} of the estimate: check the axes of both'
+    if (gain := gyro_check.other_unit(found)) is not None:
+        return f'the gyro shows the turning {gain:.3g} times: check the units of both'
+    if abs(found.late) >= LATE:
+        return (f'the attitude is {abs(found.late):.2f} s '
+                f'{"late" if found.late > 0.0 else "early"} against the gyro: check the clock of '
+                'both')
+    return ''
 
 
 def _gravity(q: Floats, force: Floats, name: str) -> list[str]:
@@ -145,6 +181,41 @@ def _still(one: Motion) -> list[str]:
         return []
     return [f'{one.name}: the positions stay within {span:.2g} m while the attitude changes: '
             'check their unit']
+
+
+def _stopped(bag: Bag, motions: dict[str, Motion]) -> list[str]:
+    """Return a line about inertial samples or an estimate that repeat while the vehicle moves."""
+    series = {}
+    if OWN in motions:
+        series[OWN] = (motions[OWN].stamps, motions[OWN].position)
+    if 'imu/data_raw' in bag:
+        imu = bag['imu/data_raw']
+        series['imu/data_raw'] = (imu.stamp, np.hstack([imu.angular_velocity, imu.acceleration]))
+    out = []
+    for name, (stamps, values) in series.items():
+        stamps, first = np.unique(stamps, return_index=True)
+        values = values[first]
+        known = np.isfinite(values).all(axis=0)
+        if not known.any() or len(stamps) < 2:
+            continue
+        edges = np.flatnonzero(np.concatenate(
+            [[True], (np.diff(values[:, known], axis=0) != 0.0).any(axis=1), [True]]))
+        k = int(np.argmax(np.diff(edges)))
+        begin, end = stamps[edges[k]], stamps[edges[k + 1] - 1]
+        if end - begin < STOPPED * 1e9:
+            continue
+        for other, one in motions.items():
+            inside = (one.stamps > begin) & (one.stamps < end)
+            if other != name and inside.any() and _spread_of(one.position[inside]) > MOVED:
+                out.append(f'{name}: it repeats one value from {begin * 1e-9:.2f} to '
+                           f'{end * 1e-9:.2f} s, while {other} moves: it had stopped')
+                break
+    return out
+
+
+def _spread_of(position: Floats) -> float:
+    """Return the largest range of positions, (n, 3) m, along an axis."""
+    return float(np.ptp(position, axis=0).max())
 
 
 def _ranges(bag: Bag, motions: dict[str, Motion]) -> list[str]:
@@ -197,6 +268,8 @@ def _onboard(bag: Bag, own: Motion) -> list[str]:
 def _paths(own: Motion, tracked: Motion) -> list[str]:
     """Return a line about a path in the motion capture that is not the drone's own."""
     ours, theirs = plausible.common_path(own, tracked)
+    if (said := height_check.other_axis(ours[:, 2], theirs)) is not None:
+        return [f'{TRACKED}: {said.replace("the range", "the height of " + OWN)}']
     said = plausible.upside_down(ours, theirs) or plausible.mirrored(
         ours[:, :2], theirs[:, :2]) or plausible.other_scale(ours[:, :2], theirs[:, :2])
     return [f'{TRACKED}: {said}: check {OWN}, too'] if said else []

@@ -45,6 +45,7 @@ def begin(t: Floats, values: Floats) -> int | None:
     first, last = edges[:-1], edges[1:]
     moves = (values[first] != values[last]).sum(axis=1) > 0.5 * values.shape[1]
     length = np.where(moves, last - first + 1, 0)
-    if len(length) <= LEAST or length[-1] < LEAST or length[-1] <= LONGER * length[:-1].max(initial=0):
+    others = LONGER * length[:-1].max(initial=0)
+    if len(length) <= LEAST or length[-1] < LEAST or length[-1] <= others:
         return None
     return int(first[-1])

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from mambo_signals.gyro_check import differs
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,6 +29,9 @@ FASTEST = 3.0  # [m/s] of a piece; more is a jump of the estimate
 AVERAGE = 0.1  # [s] over which the flow is averaged
 LOWEST = 0.2  # [m] at which the flow counts
 LEAST_ROWS = 20  # of pieces and averages
+SURE = 0.9  # correlation of a velocity that tells its scale
+SCALE = 1.25  # [-] of it: seven flights of NanoBench 0.88 to 1.02
+LEAST_MOTION = 0.02  # [m] standard deviation of a displacement that tells it
 
 
 def own_velocity(
@@ -61,8 +65,9 @@ def own_velocity(
     first, last = np.searchsorted(t, edges[:-1], 'right') - 1, np.searchsorted(t, edges[1:])
     whole = gaps[first] == gaps[last]
     steady = whole & (np.linalg.norm(seen, axis=1) < FASTEST * PIECE)
-    return lines + _turned(own[steady], seen[steady], [
-        f'{name} shows the motion of {{}}' for name in rates], names)
+    own, seen = own[steady], seen[steady]
+    turned = _turned(own, seen, [f'{name} shows the motion of {{}}' for name in rates], names)
+    return lines + (turned or _scaled(own, seen, rates, names))
 
 
 def flow(
@@ -94,6 +99,20 @@ def flow(
                   for y in (seen, expected))
     return _turned(mean, ours, [f'{name} shows the motion along {{}}' for name in names],
                    ('x', 'y'))
+
+
+def _scaled(own: Floats, seen: Floats, rates: Sequence[str], names: Sequence[str]) -> list[str]:
+    """Return a line for each velocity whose integral, (n, 3) m, is another share of the motion."""
+    if len(own) < LEAST_ROWS:
+        return []
+    out, alike = [], plausible.correlations(own, seen)
+    for k, (rate, name) in enumerate(zip(rates, names)):
+        ratio = float(own[:, k].std() / max(seen[:, k].std(), 1e-12))
+        if seen[:, k].std() > LEAST_MOTION and alike[k, k] > SURE and differs(
+                alike[k, k], ratio, SCALE):
+            out.append(f'{rate} is {ratio:.3g} times what {name} changes by: check the units of '
+                       'both')
+    return out
 
 
 def _turned(

@@ -8,13 +8,18 @@ from mambo_analysis.importers.common import Publisher
 from mambo_bags.reader import read_bag
 from mambo_bags.writer import BagWriter
 import numpy as np
+import pandas
 import pytest
 
 DATA = Path(__file__).resolve().parents[6] / 'shared' / 'data'
 NANOBENCH = sorted((DATA / 'nanobench').glob('*.csv'))
 CRAZYFLIE = sorted((DATA / 'crazyflie_optitrack').glob('*.json'))
 ROLLING_SPIDER = sorted((DATA / 'rolling_spider_flights').glob('*.mat'))
-DIVERGED = 'crazyflie-client_lab07_lab08_hover_custom_custom__ae1930a'
+ODD = {  # its estimate is wrong; it lies on its side
+    'crazyflie-client_lab07_lab08_hover_custom_custom__ae1930a':
+        'optitrack/pose: the path in the motion capture is 3.85 times as large as the one',
+    '1a_y_rest__5230543':
+        'imu/data_raw: turned by the attitude of onboard/odom, the accelerometer points 97 deg'}
 CIRCLE, HELIX = (
     DATA / 'nanobench' / f'{name}_rep1.csv' for name in ('B2_circle_medium', 'B5_helix_medium'))
 MAPPING = any_table.shipped()['nanobench'].read_text()
@@ -34,16 +39,14 @@ def test_nothing_is_said_about_flights_of_nanobench(path, tmp_path):
 
 
 @needs_data
+@pytest.mark.long
 @pytest.mark.parametrize('path', CRAZYFLIE + ROLLING_SPIDER, ids=stem)
-def test_nothing_is_said_about_other_flights_but_one(path, tmp_path):
+def test_nothing_is_said_about_other_flights_but_two(path, tmp_path):
     command = crazyflie if path.suffix == '.json' else minidrone
     assert command.main([str(path), str(tmp_path / 'bag')]) == 0
     found = bag_doubts.doubts(read_bag(tmp_path / 'bag'))
-    if path.stem == DIVERGED:
-        assert [line[:75] for line in found] == [
-            'optitrack/pose: the path in the motion capture is 3.85 times as large as th']
-    else:
-        assert not found
+    assert [line[:len(ODD[path.stem])] for line in found] == [ODD[path.stem]] if (
+        path.stem in ODD) else not found
 
 
 def said(tmp_path, capsys, path, *changes):
@@ -65,14 +68,15 @@ TRACKED = 'position: [px, py, pz]'
 
 
 @needs_data
-@pytest.mark.parametrize('path', [CIRCLE, HELIX], ids=stem)
+@pytest.mark.parametrize('path', [
+    CIRCLE, pytest.param(HELIX, marks=pytest.mark.long)], ids=stem)
 @pytest.mark.parametrize('changes, line', [
     ([(f'[{ACCELERATION}]', f'[{GYRO}]')],
      'imu/data_raw: the accelerometer has a median length of '),
     ([(ACCELERATION, 'imu_acc_z, imu_acc_x, imu_acc_y')],
      'imu/data_raw: turned by the attitude of optitrack/pose, the accelerometer points '),
     ([(f'[{GYRO}]', f'{{columns: [{GYRO}], unit: deg/s}}')],
-     'imu/data_raw: the gyro shows the turning of optitrack/pose 0.01'),
+     'imu/data_raw and optitrack/pose: roll rate: the gyro turns by 0.0'),
     ([('optitrack/pose:', 'optitrack/pose:\n    time: {offset: 1000.0}')],
      'optitrack/pose (1000.0 to '),
     ([(TRACKED, 'position: {columns: [px, py, pz], unit: mm}')],
@@ -90,13 +94,59 @@ TRACKED = 'position: [px, py, pz]'
 ])
 def test_a_changed_mapping_is_told(tmp_path, capsys, path, changes, line):
     assert line in said(tmp_path, capsys, path, *changes)
-    (tmp_path / 'bag').rename(tmp_path / 'other')
-    assert line not in said(tmp_path, capsys, path)
+
+
+G, A, V, Q = ([f'{begin}{x}' for x in 'xyz'] for begin in (
+    'imu_gyro_', 'imu_acc_', 'est_stateEstimate_v', 'att_stateEstimate_q'))
+
+
+def frozen(table):
+    table.loc[1500:1800, G + A] = table.loc[1500, G + A].to_numpy()
+
+
+def late(table):
+    table[G + A] = table[G + A].shift(100).bfill()
+
+
+def dead(table):
+    table[G] = 0.0
+
+
+def half(table):
+    table[G] *= 0.5
+
+
+def fast(table):
+    table[V] *= 1.5
+
+
+def inverted(table):
+    table[Q] *= -1.0
+
+
+def exchanged(table):
+    table[['py', 'pz']] = table[['pz', 'py']].to_numpy()
+
+
+@needs_data
+@pytest.mark.parametrize('change, line', [
+    (frozen, 'imu/data_raw: it repeats one value from 15.00 to 18.00 s, while optitrack/pose mo'),
+    (late, 'imu/data_raw and optitrack/pose: the attitude is 1.00 s early against the gyro'),
+    (dead, 'imu/data_raw: the gyro shows 0 along x throughout: that axis is dead'),
+    (half, 'imu/data_raw and optitrack/pose: roll rate: the gyro turns by 0.1'),
+    (fast, 'onboard/odom: x of the velocity is 1.32 times what x of the position changes by'),
+    (inverted, 'imu/data_raw and onboard/odom: the gyro shows roll, pitch, yaw as -roll, -pitch'),
+    (exchanged, 'optitrack/pose: the height of onboard/odom follows y of the motion capture')])
+def test_columns_that_contradict_others_are_told(tmp_path, capsys, change, line):
+    table = pandas.read_csv(CIRCLE.with_name('B2_circle_fast_rep1.csv'))
+    change(table)
+    table.to_csv(tmp_path / 'flight.csv', index=False)
+    assert line in said(tmp_path, capsys, tmp_path / 'flight.csv')
 
 
 @needs_data
 def test_swapped_rates_are_told_where_the_flight_turns_enough(tmp_path, capsys):
-    line = 'imu/data_raw: the gyro shows roll, pitch, yaw as pitch, roll, yaw of optitrack/pose'
+    line = 'imu/data_raw and optitrack/pose: '
     assert line in said(
         tmp_path, capsys, HELIX, (GYRO, 'imu_gyro_y, imu_gyro_x, imu_gyro_z'))
 

@@ -1,0 +1,58 @@
+"""Doubts about a drone's own estimate and flow, of a motion whose truth is known."""
+
+from mambo_analysis.importers.checks import motion_doubts
+import numpy as np
+import pytest
+
+T = np.arange(0.0, 20.0, 0.02)
+NAMES, RATES = ('x', 'y', 'z'), ('v_x', 'v_y', 'v_z')
+POSITION = np.column_stack([np.sin(0.9 * T), np.cos(1.3 * T), 1.0 + 0.3 * np.sin(0.5 * T)])
+VELOCITY = np.gradient(POSITION, 0.02, axis=0)
+TURNING = 0.2 * np.column_stack([np.sin(3.0 * T), np.cos(4.0 * T), np.sin(T)])
+FLOW = VELOCITY[:, :2] / POSITION[:, 2:] + np.column_stack([-TURNING[:, 1], TURNING[:, 0]])
+NOISE = 0.02 * np.random.default_rng(0).standard_normal((len(T), 3))
+
+
+def own(position=POSITION, velocity=VELOCITY):
+    return motion_doubts.own_velocity(T, position, velocity + NOISE, NAMES, RATES)
+
+
+def flow(seen):
+    return motion_doubts.flow(T, seen + NOISE[:, :2], VELOCITY[:, :2], POSITION[:, 2], TURNING,
+                              ('n_x', 'n_y'))
+
+
+def test_nothing_is_said_about_a_sound_estimate():
+    assert not own() and not flow(FLOW)
+    assert not own(velocity=0.85 * VELOCITY)
+    assert not motion_doubts.own_velocity(T[:2], POSITION[:2], VELOCITY[:2], NAMES, RATES)
+
+
+@pytest.mark.parametrize('velocity, lines', [
+    (VELOCITY[:, [1, 0, 2]], ['v_x shows the motion of y ', 'v_y shows the motion of x ']),
+    (VELOCITY * [1.0, -1.0, 1.0], ['v_y shows the motion of -y ']),
+    (VELOCITY * [1.0, 1.0, 1.4], ['v_z is 1.']),
+    (VELOCITY * [0.7, 1.0, 1.0], ['v_x is 0.']),
+    (0.001 * VELOCITY, ['the position moves '])])
+def test_another_velocity_is_told(velocity, lines):
+    found = own(velocity=velocity)
+    assert [line[:len(begin)] for line, begin in zip(found, lines)] == lines
+
+
+def test_a_jump_of_the_estimate_is_no_motion():
+    position = POSITION.copy()
+    position[500:] += [3.0, -5.0, 0.0]
+    assert not own(position)
+
+
+@pytest.mark.parametrize('seen, lines', [
+    (FLOW[:, [1, 0]], ['n_x shows the motion along y ', 'n_y shows the motion along x ']),
+    (FLOW * [-1.0, 1.0], ['n_x shows the motion along -x '])])
+def test_another_flow_is_told(seen, lines):
+    found = flow(seen)
+    assert [line[:len(begin)] for line, begin in zip(found, lines, strict=True)] == lines
+
+
+def test_a_flow_near_the_floor_says_nothing():
+    low = np.full(len(T), 0.1)
+    assert not motion_doubts.flow(T, -FLOW, VELOCITY[:, :2], low, TURNING, ('n_x', 'n_y'))
