@@ -67,7 +67,7 @@ def doubts(bag: Bag) -> list[str]:
 
 
 def _apart(bag: Bag) -> list[str]:
-    """Return a line about each topic that no other one, or not most of them, overlaps in time."""
+    """Return a line about each topic that has no time in common with another one."""
     times = {name: (float(bag[name].t.min()), float(bag[name].t.max()))
              for name in map(_short, bag.topics) if name in bag and len(bag[name]) > 1}
     apart: dict[str, list[str]] = {name: [] for name in times}
@@ -206,16 +206,12 @@ def _stopped(bag: Bag, motions: dict[str, Motion]) -> list[str]:
             continue
         for other, one in motions.items():
             inside = (one.stamps > begin) & (one.stamps < end)
-            if other != name and inside.any() and _spread_of(one.position[inside]) > MOVED:
+            if other != name and inside.any() and np.ptp(
+                    one.position[inside], axis=0).max() > MOVED:
                 out.append(f'{name}: it repeats one value from {begin * 1e-9:.2f} to '
                            f'{end * 1e-9:.2f} s, while {other} moves: it had stopped')
                 break
     return out
-
-
-def _spread_of(position: Floats) -> float:
-    """Return the largest range of positions, (n, 3) m, along an axis."""
-    return float(np.ptp(position, axis=0).max())
 
 
 def _ranges(bag: Bag, motions: dict[str, Motion]) -> list[str]:
@@ -250,19 +246,25 @@ def _onboard(bag: Bag, own: Motion) -> list[str]:
         if len(far) and (usual := float(np.median(far))) > FARTHEST:
             out.append(f'onboard/reference: it is {usual:.4g} m from {OWN} (median): check the '
                        'units and axes of both, and whether the estimate has diverged')
-    if 'optical_flow' in bag and velocity is not None and 'imu/data_raw' in bag:
-        seen, imu = bag['optical_flow'], bag['imu/data_raw']
-        at = np.sort(seen.stamp)
-        q, moving, height = (own.values(at, x) for x in (
-            own.quaternion, velocity, own.position[:, 2:]))
-        turns, rate = (interpolate(at, x.stamp, y, longest_step(np.sort(x.stamp))) for x, y in (
-            (imu, imu.angular_velocity), (seen, np.column_stack([seen.rate_x, seen.rate_y]))))
-        there = np.isfinite(np.column_stack([q, moving])).all(axis=1)
-        body = np.full((len(at), 3), np.nan)
-        body[there] = Rotation.from_quat(q[there]).inv().apply(moving[there])
-        out += [f'optical_flow: {line}' for line in motion_doubts.flow(
-            1e-9 * at, rate, body[:, :2], height[:, 0], turns, ('rate_x', 'rate_y'))]
+    if velocity is not None and all(
+            name in bag and len(bag[name]) > 1 for name in ('optical_flow', 'imu/data_raw')):
+        out += _flow(bag, own, velocity)
     return out
+
+
+def _flow(bag: Bag, own: Motion, velocity: Floats) -> list[str]:
+    """Return lines about an optical flow beside the drone's own velocity, (n, 3) m/s."""
+    seen, imu = bag['optical_flow'], bag['imu/data_raw']
+    at = np.sort(seen.stamp)
+    q, moving, height = (own.values(at, x) for x in (
+        own.quaternion, velocity, own.position[:, 2:]))
+    turns, rate = (interpolate(at, x.stamp, y, longest_step(np.sort(x.stamp))) for x, y in (
+        (imu, imu.angular_velocity), (seen, np.column_stack([seen.rate_x, seen.rate_y]))))
+    there = np.isfinite(np.column_stack([q, moving])).all(axis=1)
+    body = np.full((len(at), 3), np.nan)
+    body[there] = Rotation.from_quat(q[there]).inv().apply(moving[there])
+    return [f'optical_flow: {line}' for line in motion_doubts.flow(
+        1e-9 * at, rate, body[:, :2], height[:, 0], turns, ('rate_x', 'rate_y'))]
 
 
 def _paths(own: Motion, tracked: Motion) -> list[str]:

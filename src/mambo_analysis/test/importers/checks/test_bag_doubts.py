@@ -1,5 +1,6 @@
 """Doubts about imported bags: none about real flights, one for each part of a mapping changed."""
 
+import json
 from pathlib import Path
 
 from mambo_analysis.importers import any_table, crazyflie, minidrone
@@ -149,6 +150,17 @@ def test_swapped_rates_are_told_where_the_flight_turns_enough(tmp_path, capsys):
     line = 'imu/data_raw and optitrack/pose: '
     assert line in said(
         tmp_path, capsys, HELIX, (GYRO, 'imu_gyro_y, imu_gyro_x, imu_gyro_z'))
+
+
+@needs_data
+def test_a_flow_of_the_wrong_sign_is_told(tmp_path):
+    log = json.loads(next(path for path in CRAZYFLIE if 'lab02' in path.stem).read_text())
+    name = next(name for name in log['drone'] if name.endswith('.n_x'))
+    log['drone'][name]['data'] = [-value for value in log['drone'][name]['data']]
+    (tmp_path / 'log.json').write_text(json.dumps(log))
+    assert crazyflie.main([str(tmp_path / 'log.json'), str(tmp_path / 'bag')]) == 0
+    found = bag_doubts.doubts(read_bag(tmp_path / 'bag'))
+    assert [line[:48] for line in found] == ['optical_flow: rate_x shows the motion along -x (']
 
 
 @pytest.mark.parametrize('pwm, line', [
