@@ -360,7 +360,8 @@ def import_table(
                 why = f' ({"; ".join(reasons)})' if reasons else ''
                 raise BagError(f'{source}: no row makes a message of {name}{why}: mend its '
                                'columns, or take it out of the mapping')
-    return writer.counts, [*rows.notes, *bag_doubts.doubts(read_bag(target)), *unused(others)]
+    told = bag_doubts.doubts(read_bag(target, namespace=NAMESPACE))
+    return writer.counts, [*rows.notes, *told, *unused(others)]
 
 
 def parser() -> Parser:

@@ -182,3 +182,14 @@ def test_a_topic_of_one_message_is_told(tmp_path):
         out.publish('motor_pwm', 0, '', pwm=np.array([1.0, 2.0, 3.0, 4.0]))
     assert bag_doubts.doubts(read_bag(tmp_path / 'bag')) == [
         'motor_pwm: it has one message: nothing can be seen of a motion']
+
+
+def test_topics_that_name_no_drone_are_no_obstacle(tmp_path):
+    (tmp_path / 'goal.csv').write_text('t,x,y,z,v\n' + ''.join(
+        f'{0.1 * k},{0.1 * k},0,1,3.7\n' for k in range(40)))
+    (tmp_path / 'map.yaml').write_text(
+        'time: {column: t, unit: s}\ntopics:\n  onboard/reference: {position: [x, y, z]}\n'
+        '  battery: {voltage: [v]}\n')
+    counts, notes = any_table.import_table(
+        tmp_path / 'goal.csv', tmp_path / 'bag', tmp_path / 'map.yaml')
+    assert set(counts.values()) == {40} and not notes
