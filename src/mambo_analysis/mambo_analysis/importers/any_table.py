@@ -184,7 +184,7 @@ class _Rows:
         if before.any():
             self.notes.append(f'{name}: {int(before.sum())} rows before the first time left out')
             usable &= ~before
-        if name in extrapolated.TOPICS:
+        if name in extrapolated.NOISY or name in extrapolated.WITH_THEM and self._continued():
             self._extrapolated(name, values, usable)
         fields = _FIELDS[name](self, topic, found, usable, out)
         frame = {'optitrack/pose': 'map', 'onboard/odom': 'odom', 'onboard/reference': 'odom',
@@ -192,6 +192,21 @@ class _Rows:
         stamps = stamps_ns(self.times[name]).tolist()
         for row in np.flatnonzero(usable).tolist():
             out.publish(name, stamps[row], frame, **fields(row))
+
+    def _values(self, name: str) -> Floats:
+        """Return all columns of a topic, (n, k)."""
+        return np.concatenate([_vectors(self.table, one)
+                               for one in self.mapping.topics[name].quantities.values()], axis=1)
+
+    def _continued(self) -> bool:
+        """Return whether a topic with noise ends in a straight line."""
+        for name in extrapolated.NOISY:
+            if name in self.mapping.topics:
+                values, t = self._values(name), self.times[name]
+                good = np.isfinite(values).all(axis=1) & (np.diff(t, prepend=-np.inf) > 0.0)
+                if extrapolated.begin(t[good], values[good]) is not None:
+                    return True
+        return False
 
     def _extrapolated(self, name: str, values: Floats, usable: NDArray[np.bool_]) -> None:
         """Leave out the end of a topic, (n, k), that was not measured, and note it."""

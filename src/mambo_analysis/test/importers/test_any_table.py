@@ -508,3 +508,22 @@ def test_a_target_that_exists_is_not_touched(tmp_path, capsys):
     assert main([str(source), str(tmp_path / 'bag'), '--map', str(mapping)]) == 2
     assert 'exists' in capsys.readouterr().err
     assert [file.name for file in (tmp_path / 'bag').iterdir()] == ['mine']
+
+
+def test_a_ramp_of_the_commands_at_the_end_was_measured(tmp_path):
+    rng = np.random.default_rng(3)
+    data = frame()
+    for motor in range(4):
+        data[f'm{motor}'] = np.concatenate([
+            rng.integers(300, 400, N - 25), 300 - 10 * np.arange(25)])
+    text = MAP + '  motor_pwm:\n    pwm: [m0, m1, m2, m3]\n'
+    source, mapping = files(tmp_path, data, text=text)
+    counts, _ = import_table(source, tmp_path / 'bag', mapping)
+    assert counts['/mambo/motor_pwm'] == N
+    for name in ('p', 'q', 'r', 'ax', 'ay', 'az'):
+        data[name] = np.concatenate([rng.standard_normal(N - 25), 0.1 * np.arange(25)])
+        data[name] += data[name].iloc[0]
+    source, mapping = files(tmp_path, data, text=text)
+    counts, notes = import_table(source, tmp_path / 'continued', mapping)
+    assert counts['/mambo/motor_pwm'] == counts['/mambo/imu/data_raw'] == N - 24
+    assert any(note.startswith('motor_pwm: 24 rows left out, from 0.26 s to') for note in notes)

@@ -28,12 +28,15 @@ GRAVITY = 9.81  # [m/s^2]
 FORCE = (5.0, 15.0)  # [m/s^2] median length of the specific force, in any attitude
 TILTED = 0.5  # [rad] of its mean in the world from the vertical; accelerometers are mounted level
 CLIMB = 0.3  # [m] of the height, between its 5 and 95 %, that a range must show
+REACH = 0.98  # [-] of the largest range, beyond which it may be the end of the reach
 SHOWN = 0.2  # [-] of it that a range shows at least
 LEAST_VOLTS = 1.0  # of a battery: one cell has 3 V or more
 SHARES = 1.0  # the largest command of a mapping to shares of the full one
 FARTHEST = 5.0  # [m] median distance of drone and reference
+LONGEST_PAUSE = 600.0  # [s] between two messages
 LEAST_TIME = 5.0  # [s] after which a flight has moved
 LEAST_SPAN = 0.02  # [m] between 5 and 95 % of the positions of a flight; a hover has 0.05
+ENOUGH = 0.005  # [s] between samples of a turning
 LATE = 0.1  # [s] between gyro and attitude
 STOPPED = 1.0  # [s] with the same numbers
 MOVED = 0.1  # [m] of another motion meanwhile
@@ -54,7 +57,7 @@ def _doubts(bag: Bag) -> list[str]:
                 motions[name] = motion.read(bag, name)
             except BagError:  # fewer than two usable samples, which is said by what needs them
                 pass
-    out = _apart(bag)
+    out = _jumps(bag) + _apart(bag)
     if 'imu/data_raw' in bag and len(bag['imu/data_raw']) > 1:
         out += _dead(bag) or _inertial(bag, [
             one for one in motions.values() if np.isfinite(one.quaternion).any()])
@@ -69,6 +72,18 @@ def _doubts(bag: Bag) -> list[str]:
     if len(motions) == 2:
         out += _paths(motions[OWN], motions[TRACKED])
     return out + _single(bag)
+
+
+def _jumps(bag: Bag) -> list[str]:
+    """Return a line about each topic whose times jump by more than a pause of a flight."""
+    out = []
+    for topic in bag.topics:
+        t = np.sort(bag[topic].t)
+        if len(t) > 1 and float((steps := np.diff(t)).max()) > LONGEST_PAUSE:
+            k = int(steps.argmax())
+            out.append(f'{_short(topic)}: its times jump by {steps[k]:.4g} s after {t[k]:.2f} s: '
+                       'check its clock, or cut the log there')
+    return out
 
 
 def _apart(bag: Bag) -> list[str]:
@@ -108,8 +123,9 @@ def _dead(bag: Bag) -> list[str]:
             continue
         if (still := np.ptp(known, axis=0) == 0.0).any():
             axis = int(np.argmax(still))
-            out.append(f'imu/data_raw: the {name} shows {known[0, axis]:.4g} along {"xyz"[axis]} '
-                       'throughout: that axis is dead, or was not recorded')
+            out.append(f'imu/data_raw: the {name} shows {known[0, axis] + 0.0:.4g} along '
+                       f'{"xyz"[axis]} throughout: that axis is dead, not recorded, or simulated '
+                       'without noise')
     return out
 
 
@@ -129,10 +145,19 @@ def _inertial(bag: Bag, motions: list[Motion]) -> list[str]:
                             force[known], motions[0].name)
     if not np.isfinite(gyro).all(axis=1).any():
         return out
+    thin = _stride(imu.t)
     for one in motions:
-        if said := _turning(gyro_check.compare(imu.t, gyro, one.t, one.quaternion), one.name):
+        step = _stride(one.t)
+        if said := _turning(gyro_check.compare(
+                imu.t[::thin], gyro[::thin], one.t[::step], one.quaternion[::step]), one.name):
             out.append(f'imu/data_raw and {one.name}: {said}')
     return out
+
+
+def _stride(t: Floats) -> int:
+    """Return of how many samples at (n,) s one is enough to see a turning."""
+    step = float(np.median(np.abs(np.diff(t)))) if len(t) > 1 else 0.0
+    return max(1, int(ENOUGH / step)) if step > 0.0 else 1
 
 
 def _turning(found: gyro_check.Turning | None, name: str) -> str:
@@ -185,12 +210,14 @@ def _still(one: Motion) -> list[str]:
     if np.hypot(*turns[:, :2].std(axis=0)) < TURNED:
         return []
     return [f'{one.name}: the positions stay within {span:.2g} m while the attitude changes: '
-            'check their unit']
+            'check their unit, unless the vehicle was held']
 
 
 def _stopped(bag: Bag, motions: dict[str, Motion]) -> list[str]:
     """Return a line about inertial samples or an estimate that repeat while the vehicle moves."""
-    series = {}
+    series, tracked = {}, motions.get(TRACKED)
+    if tracked is None:
+        return []
     if OWN in motions:
         series[OWN] = (motions[OWN].stamps, motions[OWN].position)
     if 'imu/data_raw' in bag:
@@ -209,13 +236,10 @@ def _stopped(bag: Bag, motions: dict[str, Motion]) -> list[str]:
         begin, end = stamps[edges[k]], stamps[edges[k + 1] - 1]
         if end - begin < STOPPED * 1e9:
             continue
-        for other, one in motions.items():
-            inside = (one.stamps > begin) & (one.stamps < end)
-            if other != name and inside.any() and np.ptp(
-                    one.position[inside], axis=0).max() > MOVED:
-                out.append(f'{name}: it repeats one value from {begin * 1e-9:.2f} to '
-                           f'{end * 1e-9:.2f} s, while {other} moves: it had stopped')
-                break
+        inside = (tracked.stamps > begin) & (tracked.stamps < end)
+        if inside.any() and np.ptp(tracked.position[inside], axis=0).max() > MOVED:
+            out.append(f'{name}: it repeats one value from {begin * 1e-9:.2f} to '
+                       f'{end * 1e-9:.2f} s, while {TRACKED} moves: it had stopped')
     return out
 
 
@@ -227,6 +251,9 @@ def _ranges(bag: Bag, motions: dict[str, Motion]) -> list[str]:
     ranges = np.asarray(sonar.range, float)
     height = one.values(sonar.stamp, one.position[:, 2:])[:, 0]
     both = np.isfinite(ranges) & np.isfinite(height)
+    if both.any():  # on the floor and beyond its reach a range repeats one value
+        low, high = ranges[both].min(), ranges[both].max()
+        both &= (ranges > height_check.WITHIN * low) & (ranges < REACH * high)
     if both.sum() < height_check.LEAST_ROWS:
         return []
     climb, shown = _spread(height[both]), _spread(ranges[both])
@@ -287,8 +314,8 @@ def _single(bag: Bag) -> list[str]:
     out = []
     if 'battery' in bag:
         volts = np.asarray(bag['battery'].voltage, float)
-        usual = float(np.median(volts[np.isfinite(volts)])) if np.isfinite(volts).any() else 0.0
-        if usual < LEAST_VOLTS:
+        volts = volts[np.isfinite(volts)]  # NaN: not measured
+        if len(volts) and (usual := float(np.median(volts))) < LEAST_VOLTS:
             out.append(f'battery: it has a median of {usual:.3g} V: check its column and unit')
     if 'motor_pwm' in bag and len(bag['motor_pwm']):
         commands = np.asarray(bag['motor_pwm'].pwm, float)

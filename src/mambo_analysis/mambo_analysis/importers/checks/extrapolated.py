@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-TOPICS = ('imu/data_raw', 'motor_pwm', 'battery', 'onboard/odom')
+NOISY = ('imu/data_raw', 'onboard/odom')
 """Topics of what is measured or estimated with noise. Poses of a simulated capture have none."""
+WITH_THEM = ('motor_pwm', 'battery')
+"""Topics that end so only together with one of those: a command may be a ramp."""
 LEAST = 20  # values that no sensor gives on a straight line, and lines before it
 LONGER = 1.5  # [-] times the longest other line, which interpolation makes
 ROUNDING = 1e-6  # [-] of the range of values, in one step

@@ -24,6 +24,7 @@ Floats = NDArray[np.float64]
 UNIT = 5.0  # [-] between the path of the position and that of the velocity
 LEAST_PATH = 0.5  # [m] that tells a unit
 PIECE = 0.5  # [s] over which displacements are compared
+MOST_PIECES = 100_000  # of a flight, 14 hours
 GAP = 0.1  # [s] within a piece, at most
 FASTEST = 3.0  # [m/s] of a piece; more is a jump of the estimate
 AVERAGE = 0.1  # [s] over which the flow is averaged
@@ -58,6 +59,8 @@ def own_velocity(
     if max(path, flown) > LEAST_PATH and not flown / UNIT < path < flown * UNIT:
         lines.append(f'the position moves {path:.3g} m where the velocity says {flown:.3g} m: '
                      f'check the units of {names[0]} and {rates[0]}')
+    if t[-1] - t[0] > MOST_PIECES * PIECE:  # a jump of the clock
+        return lines
     integral = np.cumsum(velocity * np.gradient(t)[:, None], axis=0)
     edges = np.arange(t[0], t[-1], PIECE)
     own, seen = (world_twist.pieces(edges, t, x) for x in (integral, position))

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 Floats = NDArray[np.float64]
 PIECE = 0.2  # [s] of a displacement, at least
 SAMPLES = 3  # of a piece, at least
-LEAST_PIECES = 10
+LEAST_PIECES, MOST_PIECES = 10, 100_000
 MUCH = 0.25  # [-] of the mean square of the displacements, or of the other interpretation
 
 
@@ -40,6 +40,8 @@ def axes_of(times: Floats, position: Floats, orientation: Floats, velocity: Floa
     position, orientation, velocity = (
         x[known][first] for x in (position, orientation, velocity))
     piece = max(PIECE, SAMPLES * float(np.median(np.diff(times))))
+    if times[-1] - times[0] > MOST_PIECES * piece:  # a jump of the clock
+        return ''
     edges = np.arange(times[0], times[-1], piece)
     if len(edges) <= LEAST_PIECES:
         return ''

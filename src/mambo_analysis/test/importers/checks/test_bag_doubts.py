@@ -176,6 +176,48 @@ def test_commands_in_another_unit_are_told(tmp_path, pwm, line):
     assert [text[:len(line)] for text in found] == [line] * bool(line)
 
 
+@pytest.mark.parametrize('volts, said', [
+    (np.nan, []), (3.7, []), (0.0037, ['battery: it has a median of 0.0037 V: check its column'])])
+def test_a_battery_is_told_where_it_was_measured(tmp_path, volts, said):
+    with BagWriter(tmp_path / 'bag') as writer:
+        out = Publisher(writer, {'battery': 'sensor_msgs/msg/BatteryState'})
+        for k in range(9):
+            out.publish('battery', 10**9 * k, '', **out.battery(volts, 50.0))
+    found = bag_doubts.doubts(read_bag(tmp_path / 'bag', namespace='/mambo'))
+    assert [line[:40] for line in found] == [line[:40] for line in said]
+
+
+def poses_and(path, name, make, jump=0):
+    """Write 20 s of a climb and a turn, and of another topic; return the doubts about both."""
+    with BagWriter(path) as writer:
+        out = Publisher(writer, {'optitrack/pose': any_table.TYPES['optitrack/pose'],
+                                 name: any_table.TYPES[name]})
+        for k in range(2000):
+            t = 0.01 * k
+            stamp, height = 10_000_000 * k + (jump if k > 999 else 0), 1.0 + np.sin(0.3 * t)
+            pose = out.pose((np.sin(t), np.cos(t), height), (0.0, 0.0, np.sin(t), np.cos(t)))
+            out.publish('optitrack/pose', stamp, 'map', pose=pose)
+            out.publish(name, stamp, 'base_link', **make(out, height, pose))
+    return bag_doubts.doubts(read_bag(path, namespace='/mambo'))
+
+
+@pytest.mark.parametrize('shown, said', [
+    (lambda height: height, ''),
+    (lambda height: max(height, 1.9), ''),                # its floor
+    (lambda height: min(height, 0.5), ''),                # its reach
+    (lambda height: 0.001 * height, 'sonar/range: the ranges stay within 0.00')])
+def test_floor_and_reach_of_a_range_say_nothing(tmp_path, shown, said):
+    found = poses_and(tmp_path / 'bag', 'sonar/range', lambda out, height, pose: {
+        'min_range': 0.0, 'max_range': 10.0, 'range': shown(height)})
+    assert [line[:len(said)] for line in found] == [said] * bool(said)
+
+
+def test_a_jump_of_the_clock_is_told_and_costs_no_memory(tmp_path):
+    found = poses_and(tmp_path / 'bag', 'onboard/odom', lambda out, height, pose: out.odometry(
+        pose, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), jump=900_000_000 * 10**9)
+    assert sum('times jump by 9e+08 s after 9.99 s' in line for line in found) == 2
+
+
 def test_a_topic_of_one_message_is_told(tmp_path):
     with BagWriter(tmp_path / 'bag') as writer:
         out = Publisher(writer, {'motor_pwm': 'mambo_interfaces/msg/MotorPwm'})
