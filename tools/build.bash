@@ -69,6 +69,7 @@ messages_built() {
         messages_up_to_date &&
         [[ -z $(find src/mambo_interfaces colcon.meta -newer "$result" -type f -print -quit) ]]
 }
+flight_ready() { messages_built && link_packages; }
 
 # setuptools quotes an interpreter whose path has a space, which no kernel understands.
 mend_interpreters() {
@@ -86,7 +87,7 @@ up_to_date && exit 0
 part=
 if [[ ${1:-} == flight ]] && is_first; then
     part=flight
-    messages_built && link_packages && exit 0
+    if flight_ready; then exit 0; fi
 fi
 for folder in . .cache build install log; do
     [[ ! -e $folder || -w $folder ]] || {
@@ -100,7 +101,7 @@ exec 9>.cache/build.lock
 if command -v flock >/dev/null; then
     flock -n 9 || { echo 'mambo: waiting for a build that is under way' >&2; flock 9; }
     up_to_date && exit 0
-    [[ -z $part ]] || ! messages_built || ! link_packages || exit 0
+    if [[ $part ]] && flight_ready; then exit 0; fi
 fi
 
 echo 'mambo: building the workspace' >&2

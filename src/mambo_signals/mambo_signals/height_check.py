@@ -22,7 +22,7 @@ WITHIN = 1.2  # [-] times the shortest range, which a range repeats on the floor
 GAP = 0.1     # s, over which poses are connected
 
 
-def other_axis(ranges: Floats, position: Floats) -> str | None:
+def other_axis(ranges: Floats, position: Floats, what: str = 'the range') -> str | None:
     """
     Return in words which axis of a motion capture is up, if it is not z.
 
@@ -33,13 +33,15 @@ def other_axis(ranges: Floats, position: Floats) -> str | None:
     ranges : (n,) m
     position : (n, 3) m
         At the same times.
+    what
+        Name of the ranges, or of other heights, in the line.
 
     """
     if len(ranges) < LEAST_ROWS or ranges.std() < LEAST_CHANGE:
         return None
     spread = position.std(axis=0)
     if not np.ptp(position[:, 2]) > 0.0:
-        return (f'z of the motion capture is {position[0, 2]:.4g} m throughout, while the range '
+        return (f'z of the motion capture is {position[0, 2]:.4g} m throughout, while {what} '
                 f'changes by {np.ptp(ranges):.3g} m: it must have z up')
     r = (ranges - ranges.mean()) @ (position - position.mean(axis=0)) / (
         len(ranges) * ranges.std() * np.maximum(spread, 1e-12))
@@ -48,7 +50,7 @@ def other_axis(ranges: Floats, position: Floats) -> str | None:
     axis = int(np.abs(r).argmax())
     if abs(r[axis]) < FOLLOWS:
         return None
-    return (f'the range follows {"-" * bool(r[axis] < 0.0)}{"xyz"[axis]} of the motion capture '
+    return (f'{what} follows {"-" * bool(r[axis] < 0.0)}{"xyz"[axis]} of the motion capture '
             f'(correlation {abs(r[axis]):.2f}), z does not ({r[2]:.2f}): it must have z up')
 
 

@@ -30,14 +30,13 @@ from mambo_flight.accuracy import bound, cramer_rao, filter_run, from_bag
 from mambo_model.errors import InputError
 from mambo_model.frames import flip_vector
 from mambo_ros import topics
-from mambo_signals import gyro_check, motion
 from mambo_signals.resample import interpolate
-from mambo_signals.time_offset import AlignError
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from . import captured
+from ..compare import estimate_checks
 from ..compare.estimate import chosen
 
 Array = NDArray[np.float64]
@@ -237,18 +236,6 @@ def table(name: str, duration: float, lines: list[Line]) -> str:
     return '\n'.join(out)
 
 
-def _refuse_gyro(bag: Bag) -> None:
-    """Refuse a gyro that contradicts the motion capture; BagError in one line."""
-    if topics.IMU.name not in bag:
-        return
-    imu, tracked = bag[topics.IMU.name], motion.read(bag, topics.OPTITRACK.name)
-    try:
-        gyro_check.refuse(gyro_check.compare(
-            imu.t, imu.angular_velocity, tracked.t, tracked.quaternion))
-    except AlignError as error:
-        raise BagError(f'{bag.path}: {error}') from None
-
-
 def notes(bag: Bag, origin: str, lines: list[Line]) -> list[str]:
     """Return what to know of a comparison: sensors that are not there, ratios beyond chance."""
     out = [f'parameters of {origin}']
@@ -280,7 +267,8 @@ def _run(options: argparse.Namespace) -> None:
         raise InputError(f'{options.scenario}: a recording has been flown: leave out '
                          f'{", ".join(given)}')
     bag = read_bag(Path(options.scenario), namespace=options.namespace)
-    _refuse_gyro(bag)
+    if wrong := estimate_checks.turning(bag):
+        raise BagError(f'{bag.path}: {wrong[0]}')
     node, origin = chosen(bag, options.parameters)
     duration, lines = of_bag(bag, node.joint)
     said = notes(bag, origin, lines)
@@ -294,10 +282,7 @@ def _run(options: argparse.Namespace) -> None:
 
 def parser() -> Parser:
     """Return the command line."""
-    out = bound.parser()
-    next(action for action in out._actions if action.dest == 'scenario').help = (
-        'experiment, experiment/flight, file, trajectory, bag of a simulated flight, or of a real '
-        'one with motion capture')
+    out = bound.parser('bag of a simulated flight, or of a real one with motion capture')
     out.description = f'{bound.__doc__.strip()}\n\n{__doc__.strip().partition(chr(10))[2].strip()}'
     out.add_argument('--parameters', type=Path, metavar='FILE',
                      help='scenario file with noise and priors of the sensors of a recording '

@@ -16,6 +16,7 @@ Topics that contradict each other are told (:mod:`.checks.bag_doubts`), unused c
 from __future__ import annotations
 
 import argparse
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -157,7 +158,7 @@ class _Rows:
     def publish(self, name: str, out: Publisher) -> None:
         """Write the messages of a topic from the rows."""
         topic = self.mapping.topics[name]
-        found = {key: _vectors(self.table, one) for key, one in topic.quantities.items()}
+        found = self._found(name)
         values = np.concatenate(list(found.values()), axis=1)
         usable = np.isfinite(values).all(axis=1)
         if not usable.all():
@@ -184,7 +185,7 @@ class _Rows:
         if before.any():
             self.notes.append(f'{name}: {int(before.sum())} rows before the first time left out')
             usable &= ~before
-        if name in extrapolated.NOISY or name in extrapolated.WITH_THEM and self._continued():
+        if name in extrapolated.NOISY or name in extrapolated.WITH_THEM and self._continued:
             self._extrapolated(name, values, usable)
         fields = _FIELDS[name](self, topic, found, usable, out)
         frame = {'optitrack/pose': 'map', 'onboard/odom': 'odom', 'onboard/reference': 'odom',
@@ -193,16 +194,18 @@ class _Rows:
         for row in np.flatnonzero(usable).tolist():
             out.publish(name, stamps[row], frame, **fields(row))
 
-    def _values(self, name: str) -> Floats:
-        """Return all columns of a topic, (n, k)."""
-        return np.concatenate([_vectors(self.table, one)
-                               for one in self.mapping.topics[name].quantities.values()], axis=1)
+    def _found(self, name: str) -> dict[str, Floats]:
+        """Return the quantities of a topic, (n, k) each, in SI units."""
+        return {key: _vectors(self.table, one)
+                for key, one in self.mapping.topics[name].quantities.items()}
 
+    @cached_property
     def _continued(self) -> bool:
         """Return whether a topic with noise ends in a straight line."""
         for name in extrapolated.NOISY:
             if name in self.mapping.topics:
-                values, t = self._values(name), self.times[name]
+                t = self.times[name]
+                values = np.concatenate(list(self._found(name).values()), axis=1)
                 good = np.isfinite(values).all(axis=1) & (np.diff(t, prepend=-np.inf) > 0.0)
                 if extrapolated.begin(t[good], values[good]) is not None:
                     return True

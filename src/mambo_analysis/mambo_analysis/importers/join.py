@@ -332,8 +332,9 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None,
     clock = Clock(offset, math.nan, 'given') if offset is not None else find_clock(bag, tracked)
     shift = round(clock.offset * 1e9)
     doubt = '' if offset is None else _check_given(offset, bag, tracked)
-    note = doubt + next(filter(None, [_check_path(mocap, motion.read(bag, topic), tracked, shift)
-                              for topic in OWN if topic in bag]), '')
+    note = doubt + next(filter(None, [
+        _check_path(mocap, motion.read(bag, topic), tracked, shift)
+        for topic in OWN if topic in bag]), '')
     parts = [mcap_reader.scan(file) for file in bag_files(flight)[0]]
     copied = [message for part in parts for message in in_order(part)]
     end = max(log_time for _, log_time, _, _ in copied)

@@ -131,12 +131,12 @@ def compare(options: argparse.Namespace) -> None:
         print(text)
 
 
-def parser() -> Parser:
-    """Return the command line."""
+def parser(bags: str = 'bag of a simulated flight') -> Parser:
+    """Return the command line; ``bags`` says in its help which ones it takes."""
     out = Parser('bound', __doc__)
     add = out.add_argument
     add('scenario', metavar='SCENARIO',
-        help='experiment, experiment/flight, file, trajectory, or bag of a simulated flight')
+        help=f'experiment, experiment/flight, file, trajectory, or {bags}')
     add_seeds(out, 20)
     add('--vary', action='store_true',
         help='draw slope (-0.1 to 0.15 1/m), scale (8 %%) and latency (0 to 0.1 s) of the flow')

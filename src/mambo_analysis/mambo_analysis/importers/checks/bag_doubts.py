@@ -9,7 +9,8 @@ Spider two get a line: one whose own estimate is wrong by a factor of 3.9, and o
 
 from __future__ import annotations
 
-from itertools import combinations
+from collections import Counter
+from itertools import chain, combinations
 
 from mambo_bags.reader import Bag, BagError
 from mambo_signals import gyro_check, height_check, motion
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from . import motion_doubts, plausible
+from ..common import NAMESPACE
 
 Floats = NDArray[np.float64]
 TRACKED, OWN = 'optitrack/pose', 'onboard/odom'
@@ -90,28 +92,22 @@ def _apart(bag: Bag) -> list[str]:
     """Return a line about each topic that has no time in common with another one."""
     times = {_short(topic): (float(bag[topic].t.min()), float(bag[topic].t.max()))
              for topic in bag.topics if len(bag[topic]) > 1}
-    apart: dict[str, list[str]] = {name: [] for name in times}
-    for one, other in combinations(times, 2):
-        if times[one][1] < times[other][0] or times[other][1] < times[one][0]:
-            apart[one].append(other)
-            apart[other].append(one)
+    pairs = [(one, other) for one, other in combinations(times, 2)
+             if times[one][1] < times[other][0] or times[other][1] < times[one][0]]
     out = []
-    for name in sorted(times, key=lambda name: -len(apart[name])):
-        if not apart[name]:
-            continue
-        other = apart[name][0]
+    while pairs:  # one line for each topic that is apart
+        name = Counter(chain(*pairs)).most_common(1)[0][0]
+        other = next(x for pair in pairs if name in pair for x in pair if x != name)
         first, second = (f'{times[x][0]:.1f} to {times[x][1]:.1f} s' for x in (name, other))
         out.append(f'{name} ({first}) and {other} ({second}) have no time in common: check the '
                    'clock, unit and offset of each')
-        for rest in apart.pop(name):  # one line for each topic that is apart
-            apart[rest].remove(name)
-        apart[name] = []
+        pairs = [pair for pair in pairs if name not in pair]
     return out
 
 
 def _short(topic: str) -> str:
     """Return the name of a topic of an import without the namespace of the drone."""
-    return topic.removeprefix('/mambo/')
+    return topic.removeprefix(f'{NAMESPACE}/')
 
 
 def _dead(bag: Bag) -> list[str]:
@@ -302,8 +298,8 @@ def _flow(bag: Bag, own: Motion, velocity: Floats) -> list[str]:
 def _paths(own: Motion, tracked: Motion) -> list[str]:
     """Return a line about a path in the motion capture that is not the drone's own."""
     ours, theirs = plausible.common_path(own, tracked)
-    if (said := height_check.other_axis(ours[:, 2], theirs)) is not None:
-        return [f'{TRACKED}: {said.replace("the range", "the height of " + OWN)}']
+    if said := height_check.other_axis(ours[:, 2], theirs, f'the height of {OWN}'):
+        return [f'{TRACKED}: {said}']
     said = plausible.upside_down(ours, theirs) or plausible.mirrored(
         ours[:, :2], theirs[:, :2]) or plausible.other_scale(ours[:, :2], theirs[:, :2])
     return [f'{TRACKED}: {said}: check {OWN}, too'] if said else []
