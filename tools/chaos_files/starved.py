@@ -37,6 +37,7 @@ INTERNALS = re.compile(r"Traceback|\b\w*(Error|Exception|Interrupt)\b|<class '|o
 OWN = re.compile(r'(run|mambo[a-z -]*): ')  # begins every line of a command
 NOTED = 'compiled code cannot be written there, so all is compiled again'
 """Said before the work, so that a command which then fails for another reason has two lines."""
+PROGRESS = re.compile(r': \d+ s so far$')  # of a flight that starts slowly on a busy machine
 READER = ('--inh-caps=+dac_read_search', '--ambient-caps=+dac_read_search')
 """Another user may read all, as Python and the checkout may be in a home folder."""
 _TRACER = 'lttng-ust-wait-'  # of the tracer of ROS, one for each user, until the machine ends
@@ -230,7 +231,7 @@ class Starved:
         """Return what is wrong with the exit code and the lines."""
         if found := INTERNALS.search(out + err):
             return f'{found[0]}: exit code {code}: {err[-1500:]}'
-        lines = err.splitlines()
+        lines = [line for line in err.splitlines() if not PROGRESS.search(line)]
         said = [line for line in lines if NOTED not in line]
         if any(not OWN.match(line) for line in lines):
             return f'exit code {code}: a line without the name of the command: {err[-1500:]}'

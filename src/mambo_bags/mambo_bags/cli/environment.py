@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 import resource
+import threading
 
 _MEMORY = 1_000_000_000  # bytes of address space; with less, libraries in C end the process
 _FEW = 1000  # processes and threads; a system that does not limit its users allows thousands
@@ -27,6 +28,9 @@ def complaint(ros: bool = False) -> str:
     if limit != resource.RLIM_INFINITY and limit < _MEMORY:
         return (f'the limit of memory, {limit // 1_000_000} MB, is too low: set it to '
                 f'{_MEMORY // 1_000_000} MB or more (ulimit -v)')
+    if (missing := _missing_threads()):
+        return (f'{missing} of {len(os.sched_getaffinity(0))} threads, one for each processor, '
+                'cannot be started: allow more processes and threads (ulimit -u), or end others')
     date = os.environ.get('SOURCE_DATE_EPOCH')
     if date is not None and not (
             date.isascii() and date.isdigit() and len(date) < 16 and int(date) <= _LATEST):
@@ -37,6 +41,22 @@ def complaint(ros: bool = False) -> str:
         return (f'RMW_IMPLEMENTATION={wanted[:40]!r} is not installed: unset it, or set it to '
                 f'{" or ".join(known)}')
     return ''
+
+
+def _missing_threads() -> int:
+    """Return how many threads cannot be started of those that OpenBLAS starts when imported."""
+    done, threads = threading.Event(), []
+    try:
+        for _ in os.sched_getaffinity(0):
+            threads.append(threading.Thread(target=done.wait))
+            threads[-1].start()
+    except RuntimeError:
+        threads.pop()
+    finally:
+        done.set()
+        for each in threads:
+            each.join()
+    return len(os.sched_getaffinity(0)) - len(threads)
 
 
 def low_limits() -> str:

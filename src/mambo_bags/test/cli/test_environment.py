@@ -55,6 +55,25 @@ def test_a_limit_of_memory_that_no_library_bears_is_named(limit, wrong, monkeypa
     assert complaint() == wrong
 
 
+def test_threads_that_cannot_be_started_are_told(monkeypatch):
+    monkeypatch.delenv('SOURCE_DATE_EPOCH', raising=False)
+    monkeypatch.setattr(environment.os, 'sched_getaffinity', lambda pid: {0, 1, 2})
+    start, started = environment.threading.Thread.start, []
+
+    def limited(thread):
+        started.append(thread)
+        if len(started) == 2:
+            raise RuntimeError("can't start new thread")
+        start(thread)
+
+    monkeypatch.setattr(environment.threading.Thread, 'start', limited)
+    assert complaint() == (
+        '2 of 3 threads, one for each processor, cannot be started: allow more processes and '
+        'threads (ulimit -u), or end others')
+    assert complaint() == ''  # all of them are over
+    assert not any(thread.is_alive() for thread in started)
+
+
 @pytest.mark.parametrize('memory, count, said', [
     (FREE, FREE, ''), (FREE, 30_000, ''),
     (FREE, 13, '; this shell limits processes and threads to 13 (ulimit -u)'),
