@@ -195,7 +195,7 @@ def try_source(target: Target, source: str, limit: float) -> Outcome:
         (copy / target.path).write_text(source)
         here, there = SERVER.Pipe(duplex=False)
         process = SERVER.Process(
-            target=test_copy, args=(folder, target.package, arguments, there), daemon=True)
+            target=test_copy, args=(folder, target.package, arguments, there))
         process.start()
         there.close()
         ended = here.poll(limit)

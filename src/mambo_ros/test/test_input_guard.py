@@ -177,6 +177,11 @@ class TestClock:
         assert clock.steps == [0, 1]
         assert clock.refused == {input_guard.AHEAD: 2 * input_guard.CONFIRMATIONS - 2}
 
+    def test_a_clock_that_runs_backwards_behind_a_leap_confirms_nothing(self, clock):
+        for k in range(3 * input_guard.CONFIRMATIONS):
+            clock.send(10_000 - k)
+        assert clock.steps == [0]
+
     def test_a_leap_that_the_flight_contradicts_is_never_accepted(self, clock):
         for k in range(1, 4 * input_guard.CONFIRMATIONS):
             clock.send(k)
@@ -236,6 +241,18 @@ class TestPublishers:
         one.send(2, self.SECOND)
         one.send(3, self.SECOND)
         assert one.steps == [0, 2, 3] and one.refused == {publisher_guard.SECOND_PUBLISHER: 1}
+
+    @pytest.mark.parametrize('begun, steps', [(False, [3, 0, 1]), (True, [3, 4])])
+    def test_one_that_left_before_the_flight_leaves_no_stamp(self, begun, steps, wall):
+        one = Input()
+        one.now, one.present = (10 * STEP if begun else -1), {self.FIRST, self.SECOND}
+        one.send(3, self.FIRST)
+        one.present = {self.SECOND}
+        one.send(0, self.SECOND)
+        wall[0] += 1.1 * publisher_guard.ABSENT
+        for k in (0, 1, 4) if begun else (0, 1):
+            one.send(k, self.SECOND)
+        assert one.steps == steps
 
     def test_a_first_publisher_not_yet_in_the_graph_keeps_its_place(self, one, wall):
         one.present = {self.SECOND}
@@ -427,6 +444,17 @@ def test_use_sim_time_can_be_set_on_a_node(ros):
 
 def test_the_largest_command_is_the_largest_limit_that_a_vehicle_may_have():
     assert input_guard.LARGEST_PWM == dict(schema.walk(Vehicle))['pwm_max'].metadata['high']
+
+
+@pytest.mark.parametrize('command, shutdown, reason', [
+    ((0.0, 1.0, 65_535.0, 300.0), False, ''),
+    *[(tuple(wrong if k == motor else 300.0 for k in range(4)), False, reason)
+      for motor in range(4) for wrong, reason in (
+          (-1.0, input_guard.OUT_OF_LIMITS), (65_536.0, input_guard.OUT_OF_LIMITS),
+          (math.nan, input_guard.NOT_FINITE), (math.inf, input_guard.NOT_FINITE))],
+    ((math.nan, -1.0, 1e9, 0.0), True, '')])
+def test_a_command_is_within_limits_unless_it_stops_the_motors(command, shutdown, reason):
+    assert input_guard.check_pwm((0, command, shutdown)) == reason
 
 
 def test_what_is_refused_of_one_that_was_never_accepted_is_no_loss():

@@ -44,6 +44,16 @@ def test_one_clock_is_none(noise, offset):
     assert clock_check.contradiction(pairs(noise=noise), offset) == ''
 
 
+def test_an_offset_that_fits_nowhere_is_no_jump():
+    assert clock_check.contradiction(pairs(), 0.5) == ''
+
+
+def test_a_climb_rate_is_not_known_in_a_gap():
+    kept = (T < 20.0) | (T > 30.0)
+    at, _ = clock_check.climb(T[kept], np.sin(T[kept]))
+    assert len(at) and not ((at > 20.2) & (at < 29.8)).any()
+
+
 def test_rest_and_signals_that_do_not_belong_together_say_nothing():
     assert clock_check.contradiction(pairs(1.0, scale=0.01), 0.0) == ''
     mixed = pairs(names=('roll rate',))

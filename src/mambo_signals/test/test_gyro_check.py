@@ -164,3 +164,37 @@ def test_a_gyro_without_the_noise_of_the_attitude_is_in_no_other_unit():
         rest = gyro_check.compare(t, 1e-3 * gyro, times, q)
         assert gyro_check.other_unit(rest) is None
     assert gyro_check.other_unit(None) is None
+
+
+def test_an_axis_that_rests_is_not_dead():
+    t, gyro, times, q = turning(size=np.array([0.1, 0.0, 0.1]))
+    gyro[:, 1] = 0.0
+    gyro_check.refuse(gyro_check.compare(t, gyro, times, q))
+
+
+def test_orientations_that_are_none_are_left_out():
+    t, gyro, times, q = turning()
+    q[::3] = [0.0, 0.0, 2.0, 2.0]
+    gyro_check.refuse(gyro_check.compare(t, gyro, times, q))
+
+
+def test_a_noisy_gyro_is_smoothed_as_the_attitude_is():
+    t, gyro, times, q = turning()
+    gyro += 2.0 * np.random.default_rng(5).standard_normal(gyro.shape)
+    gyro_check.refuse(gyro_check.compare(t, gyro, times, q))
+
+
+def test_a_moment_tells_nothing():
+    assert gyro_check.compare(*turning(seconds=1.8)) is None
+
+
+@pytest.mark.parametrize('seed', range(1, 13))
+def test_another_motion_shows_no_order_of_the_axes(seed):
+    t, _, times, q = turning()
+    assert gyro_check.other_axes(gyro_check.compare(t, turning(seed)[1], times, q)) == ''
+
+
+@pytest.mark.parametrize('r, ratio, differs', [
+    (0.7, 0.9, False), (0.7, 1.4, False), (0.99, 1.6, True), (0.99, 0.6, True)])
+def test_noise_alone_is_no_other_gain(r, ratio, differs):
+    assert gyro_check.differs(r, ratio, 1.5) == differs

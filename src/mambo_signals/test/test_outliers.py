@@ -46,6 +46,8 @@ def test_a_pose_elsewhere_is_found_and_fast_flight_is_not():
     assert not outliers.impossible(T, loop(T)[0] * 10.0, flip).any()
     late = np.where(np.arange(len(T)) < 700, T, T + 3.0)  # what turns during a gap is no jump
     assert not outliers.impossible(late, loop(T)[0], rocking(T).as_quat()).any()
+    far = loop(T)[0] + np.where(np.arange(len(T)) < 700, 0.0, 2.0)[:, None]  # nor what moves
+    assert not outliers.impossible(late, far, rocking(T).as_quat()).any()
 
 
 @pytest.mark.parametrize(('part', 'jumps'), [(0.97, False), (1.03, True)])

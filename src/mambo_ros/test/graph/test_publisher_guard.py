@@ -136,6 +136,8 @@ def test_messages_that_did_not_come_are_counted_by_their_numbers(guard):
     assert not made.refused and not told
     made.follow(13)
     assert made.refused == {publisher_guard.LOST: 3} and told == [(made, publisher_guard.LOST)]
+    made.follow(15)
+    assert made.refused == {publisher_guard.LOST: 4}
 
 
 def test_another_publisher_misses_nothing(guard, wall):

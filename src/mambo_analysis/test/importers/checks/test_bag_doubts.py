@@ -11,6 +11,7 @@ from mambo_bags.writer import BagWriter
 import numpy as np
 import pandas
 import pytest
+from scipy.spatial.transform import Rotation
 
 DATA = Path(__file__).resolve().parents[6] / 'shared' / 'data'
 NANOBENCH = sorted((DATA / 'nanobench').glob('*.csv'))
@@ -216,6 +217,28 @@ def test_a_jump_of_the_clock_is_told_and_costs_no_memory(tmp_path):
     found = poses_and(tmp_path / 'bag', 'onboard/odom', lambda out, height, pose: out.odometry(
         pose, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), jump=900_000_000 * 10**9)
     assert sum('times jump by 9e+08 s after 9.99 s' in line for line in found) == 2
+
+
+@pytest.mark.parametrize('roll, factor, said', [
+    (0.0, 1.0, ''), (0.45, 1.0, ''),
+    (0.0, 57.3, 'imu/data_raw and onboard/odom: the gyro shows the turning 57.')])
+def test_a_gyro_in_another_unit_is_told_and_a_vehicle_may_lean(tmp_path, roll, factor, said):
+    t = 0.01 * np.arange(2000)
+    turn = Rotation.from_euler('xyz', np.column_stack([
+        roll + 0.2 * np.sin(2.0 * t), 0.2 * np.sin(3.0 * t), 0.3 * np.sin(1.3 * t)]))
+    rates = (turn[:-1].inv() * turn[1:]).as_rotvec() / 0.01
+    force = turn.inv().apply([0.0, 0.0, 9.81])
+    with BagWriter(tmp_path / 'bag') as writer:
+        out = Publisher(writer, {
+            name: any_table.TYPES[name] for name in ('imu/data_raw', 'onboard/odom')})
+        for k, q in enumerate(turn.as_quat()[:-1]):
+            out.publish('imu/data_raw', 10_000_000 * k, 'base_link', **out.imu(
+                factor * rates[k], force[k]))
+            out.publish('onboard/odom', 10_000_000 * k, 'odom', **out.odometry(
+                out.pose((np.sin(t[k]), 0.0, 1.0), q), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    found = bag_doubts.doubts(read_bag(tmp_path / 'bag', namespace='/mambo'))
+    assert [line[:len(said)] for line in found if 'onboard/odom: ' not in line[:15]] == (
+        [said] * bool(said))
 
 
 def test_a_topic_of_one_message_is_told(tmp_path):

@@ -49,6 +49,19 @@ def test_pieces_of_interpolation_have_none():
     assert extrapolated.begin(T, longer) == 360  # the last piece and its continuation
 
 
+def test_pieces_as_long_as_the_last_one_have_none():
+    values = np.column_stack([
+        np.interp(np.arange(1200), np.arange(0, 1230, 30), np.resize(NOISE[:, k], 41))
+        for k in range(3)])
+    assert extrapolated.begin(1.7e9 + 0.01 * np.arange(1200.0), values) is None
+
+
+def test_columns_that_bend_at_other_times_are_lines_between_all_of_them():
+    slow = np.column_stack([np.interp(np.arange(400), np.arange(k, 430, 15), np.resize(
+        NOISE[:, k // 5], len(range(k, 430, 15)))) for k in (0, 5, 10)])
+    assert extrapolated.begin(T, continued(slow, 375)) in (370, 374)
+
+
 def test_a_simulation_without_noise_has_none():
     assert extrapolated.begin(T, np.arange(400.0)[:, None] * [1.0, 2.0, 3.0]) is None
     assert extrapolated.begin(T, continued(NOISE, 5)) is None

@@ -17,9 +17,8 @@ def own(position=POSITION, velocity=VELOCITY):
     return motion_doubts.own_velocity(T, position, velocity + NOISE, NAMES, RATES)
 
 
-def flow(seen):
-    return motion_doubts.flow(T, seen + NOISE[:, :2], VELOCITY[:, :2], POSITION[:, 2], TURNING,
-                              ('n_x', 'n_y'))
+def flow(seen, velocity=VELOCITY[:, :2], height=POSITION[:, 2]):
+    return motion_doubts.flow(T, seen + NOISE[:, :2], velocity, height, TURNING, ('n_x', 'n_y'))
 
 
 def test_nothing_is_said_about_a_sound_estimate():
@@ -33,16 +32,34 @@ def test_nothing_is_said_about_a_sound_estimate():
     (VELOCITY * [1.0, -1.0, 1.0], ['v_y shows the motion of -y ']),
     (VELOCITY * [1.0, 1.0, 1.4], ['v_z is 1.']),
     (VELOCITY * [0.7, 1.0, 1.0], ['v_x is 0.']),
-    (0.001 * VELOCITY, ['the position moves '])])
+    (VELOCITY[:, [1, 0, 2]] * [1.0, 1.0, 1.4], ['v_x shows the motion of y ',
+                                                'v_y shows the motion of x ']),
+    (0.001 * VELOCITY, ['the position moves ']),  # less than the noise
+    (1000.0 * VELOCITY, ['the position moves ', 'v_x is ', 'v_y is ', 'v_z is '])])
 def test_another_velocity_is_told(velocity, lines):
     found = own(velocity=velocity)
-    assert [line[:len(begin)] for line, begin in zip(found, lines)] == lines
+    assert [line[:len(begin)] for line, begin in zip(found, lines, strict=True)] == lines
 
 
 def test_a_jump_of_the_estimate_is_no_motion():
     position = POSITION.copy()
-    position[500:] += [3.0, -5.0, 0.0]
+    position[500:] += [300.0, -500.0, 0.0]
     assert not own(position)
+    assert len(own(position, VELOCITY[:, [1, 0, 2]])) == 2
+
+
+def test_a_small_motion_tells_no_scale():
+    small = [1.0, 1.0, 0.1]  # 0.01 m in half a second
+    assert not own(POSITION * small, VELOCITY * small * [1.0, 1.0, 1.4])
+
+
+def test_what_lies_between_is_not_compared():
+    t = np.arange(0.0, 60.0, 0.02)
+    t = t[t % 2.0 < 0.9]
+    fast = 0.3 * np.stack([np.sin((5.0 + k) * t) for k in range(3)], axis=1)
+    velocity = 0.3 * np.stack([(5.0 + k) * np.cos((5.0 + k) * t) for k in range(3)], axis=1)
+    found = motion_doubts.own_velocity(t, fast, 1.4 * velocity, NAMES, RATES)
+    assert [line[:8] for line in found] == ['v_x is 1', 'v_y is 1', 'v_z is 1']
 
 
 @pytest.mark.parametrize('seen, lines', [
@@ -51,6 +68,18 @@ def test_a_jump_of_the_estimate_is_no_motion():
 def test_another_flow_is_told(seen, lines):
     found = flow(seen)
     assert [line[:len(begin)] for line, begin in zip(found, lines, strict=True)] == lines
+
+
+SLOW = 0.02 * VELOCITY[:, :2]  # of a vehicle whose flow is most of all its turning
+
+
+@pytest.mark.parametrize('velocity, height', [
+    (SLOW, POSITION[:, 2]), (VELOCITY[:, :2], 1.65 + 1.35 * np.sin(0.8 * T))],
+    ids=['turning', 'height'])
+def test_turning_and_height_belong_to_the_flow(velocity, height):
+    seen = velocity / height[:, None] + np.column_stack([-TURNING[:, 1], TURNING[:, 0]])
+    assert not flow(seen, velocity, height)
+    assert len(flow(seen[:, ::-1], velocity, height)) == 2
 
 
 def test_a_flow_near_the_floor_says_nothing():

@@ -35,6 +35,8 @@ def test_nothing_tells_a_vehicle_that_does_not_turn_or_whose_velocity_is_another
     assert axes_of(*motion, body) == ''
     *motion, world, body = flown()
     assert axes_of(*motion, 3.0 * world) == axes_of(*motion, np.zeros_like(world)) == ''
+    *motion, world, body = flown(yaw=180.0)  # 1.6 times as fast, and the other way
+    assert axes_of(*motion, 1.6 * world) == ''
     assert axes_of(*flown(seconds=1.0)[:-1]) == ''
     assert axes_of(*(x[:1] for x in flown()[:-1])) == ''
     assert axes_of(*(x[:0] for x in flown()[:-1])) == ''
@@ -44,6 +46,19 @@ def test_damaged_and_repeated_rows_are_left_out():
     t, position, orientation, world, _ = flown()
     t[5], position[7, 1], orientation[9], world[11] = t[4], np.nan, 0.0, np.inf
     assert axes_of(t, position, orientation, world) == 'world'
+
+
+def test_orientations_that_are_no_rotations_are_left_out():
+    t, position, orientation, _, body = flown()
+    orientation[np.arange(len(t)) % 3 > 0] = [0.0, 0.0, -2.0, 2.0]  # the other way, if it were one
+    assert axes_of(t, position, orientation, body) == 'body'
+
+
+def test_rows_in_any_order_and_at_any_rate_are_taken_by_their_times():
+    t, position, orientation, _, body = flown()
+    rows = np.concatenate([np.arange(0, 300), np.arange(300, 600, 5)])  # then a fifth of the rate
+    np.random.default_rng(1).shuffle(rows)
+    assert axes_of(*(x[rows] for x in (t, position, orientation, body))) == 'body'
 
 
 @pytest.mark.parametrize('topic', ['ground_truth/odom', 'estimate/odom'])
