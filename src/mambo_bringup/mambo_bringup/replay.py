@@ -83,7 +83,7 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
     if estimator_file is not None and not estimator_file.is_file():
         raise FlightInputError(f'{estimator_file}: there is no such parameter file')
     if estimator_file is not None:
-        scenarios.load(estimator_file, 'estimator_node')
+        scenarios.load(estimator_file, 'estimator_node', recording.namespace)
     with NodeGroup(RECORDER[1]) as group:
         file = estimator_file or _recorded_parameters(recording, group.folder)
         parameters = ['--params-file', str(file)] if file else []

@@ -449,12 +449,21 @@ def from_yaml(text: str, where: str = 'scenario') -> Scenario:
     return from_parameters(where, reader.ros_parameters(reader.mapping(root, 'file')))
 
 
-def load(path: Path, node: str = '') -> Scenario:
-    """Read a ROS 2 parameter file, which must set one of ``node``'s; see :func:`from_yaml`."""
+def load(path: Path, node: str = '', namespace: str = '') -> Scenario:
+    """
+    Read a ROS 2 parameter file, which must set one of ``node``'s; see :func:`from_yaml`.
+
+    With the ``namespace`` of a drone, sections with another one are refused.
+    """
     reader = ParameterReader(path)
     root = reader.root()
     reader.learn(root)
-    parameters = reader.ros_parameters(reader.mapping(root, 'file'))
+    sections = reader.mapping(root, 'file')
+    for name, (key, _) in sections.items():
+        drone = name.rpartition('/')[0].strip('/')
+        if namespace and drone and '*' not in drone and drone != namespace.strip('/'):
+            reader.fail(key, name, f'is of another drone than {namespace}')
+    parameters = reader.ros_parameters(sections)
     if node and not any(name.startswith(f'{node}.') for name in parameters):
         raise schema.ParameterError(f'{path}: holds no parameters of {node}')
     return from_parameters(path, parameters)

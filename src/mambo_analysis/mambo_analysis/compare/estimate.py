@@ -63,14 +63,18 @@ def parameters(bag: Bag, file: Path | None = None) -> EstimatorNodeParams:
 
 def chosen(bag: Bag, file: Path | None) -> tuple[EstimatorNodeParams, str]:
     """Return the parameters of :func:`parameters`, and in words where they come from."""
+    flight = scenario.from_yaml(
+        str(bag.attachments['scenario.yaml']), f'scenario.yaml in {bag.path}',
+    ) if 'scenario.yaml' in bag.attachments else None
     if file is not None:
-        node = scenario.load(file, 'estimator_node').estimator_node
+        node = scenario.load(file, 'estimator_node', bag.namespace).estimator_node
         if node.estimator == 'ground_truth':
             raise BagError(f'{file}: estimator ground_truth estimates nothing; name another')
-        return node, str(file)
-    if 'scenario.yaml' in bag.attachments:
-        flight = scenario.from_yaml(
-            str(bag.attachments['scenario.yaml']), f'scenario.yaml in {bag.path}')
+        origin = f'{file}, all others by default'
+        if flight is not None and flight.estimator_node.estimator != node.estimator:
+            origin += f' (the bag was flown with estimator {flight.estimator_node.estimator})'
+        return node, origin
+    if flight is not None:
         if flight.estimator_node.estimator != 'ground_truth':
             node = recorded_changes.estimated(flight, bag).estimator_node
             return node, 'the bag' + ', changed in flight' * bool(node.changes)
@@ -245,8 +249,9 @@ def parser() -> Parser:
     out = Parser('estimate', __doc__)
     out.add_argument('bag', type=Path, help='rosbag2 directory or .mcap file')
     out.add_output('BAG', 'bag to create, with estimate/odom and estimator/state')
-    out.add_argument('--parameters', type=Path, metavar='FILE',
-                     help='ROS 2 parameter file of the estimator (default: that of the bag)')
+    out.add_argument('--parameters', type=Path, metavar='FILE', help=(
+        'ROS 2 parameter file of the estimator, in place of all parameters of the bag (default: '
+        'those)'))
     out.add_argument('--smooth', action='store_true', help=(
         'also smooth the flight with the joint filter: every state from all samples, Q, slope, '
         'drag and biases with 95 %% intervals; with -o as estimate/smoothed'))

@@ -11,11 +11,13 @@ from mambo_bags import playback
 from mambo_bags.reader import Bag
 from mambo_estimation import gate, health
 from mambo_ros import topics
-from mambo_signals import gyro_check, height_check, motion, resample, stamps, time_offset
+from mambo_signals import (
+    derivative, gyro_check, height_check, motion, resample, stamps, time_offset)
 import numpy as np
 from numpy.typing import NDArray
 
 from . import pair
+from ..importers.checks import bag_doubts
 
 Floats = NDArray[np.float64]
 UNUSED_TIME = 3.0  # s: unhealthy after 1 s without a used sample, and recovery takes as long again
@@ -204,6 +206,28 @@ def turning(bag: Bag) -> list[str]:
     return [found]
 
 
+def upside_down(attitude: Floats) -> list[str]:
+    """Return a line if an estimate, (n, 4) x y z w, is upside down most of the time."""
+    upright = 1.0 - 2.0 * (attitude[:, 0] ** 2 + attitude[:, 1] ** 2)  # z of the body, upwards
+    share = float(np.mean(upright < 0.0))
+    if share <= 0.5:
+        return []
+    return [f'the vehicle is upside down in {share:.0%} of the steps: check the signs of the '
+            'accelerometer']
+
+
+def seen_flow(bag: Bag) -> list[str]:
+    """Return a line for each axis of the flow that is not the motion in the motion capture."""
+    if any(topic.name not in bag or not len(bag[topic.name])
+           for topic in (topics.IMU, topics.OPTICAL_FLOW, topics.OPTITRACK)):
+        return []
+    tracked = motion.read(bag, topics.OPTITRACK.name)
+    if not pair.has_attitude(tracked) or len(tracked.t) < 3:
+        return []
+    _, velocity = derivative.local_fit(tracked.t, tracked.position, tracked.t, derivative.POSITION)
+    return bag_doubts.flow(bag, tracked, velocity)
+
+
 def contradictions(bag: Bag, state: Bag) -> list[str]:
     """
     Return what contradicts an estimate, one line each; empty if nothing does.
@@ -235,4 +259,6 @@ def contradictions(bag: Bag, state: Bag) -> list[str]:
         measured[3:5] = 'horizontal_acceleration' not in bag.metadata.get('import', {})
         gyro, accel = (imu[name][order] for name in ('angular_velocity', 'linear_acceleration'))
         out += dead_axes((imu.stamp[order] - inner.stamp[0]) * 1e-9, gyro, accel, measured)
-    return out + height_check.of_bag(bag) + turning(bag) + from_capture(bag, state)
+    out += upside_down(state[topics.ESTIMATE.name].orientation)
+    return out + height_check.of_bag(bag) + turning(bag) + seen_flow(bag) + from_capture(
+        bag, state)

@@ -359,7 +359,7 @@ def import_table(
     """
     wanted = read_map(mapping)
     file = read_source(source)
-    table, others = read_columns(file, wanted)
+    table, others, damage = read_columns(file, wanted)
     rows = _Rows(source, table, wanted)
     record = provenance(source.name, file.sha256, 'import_table', 'table', {
         'mapping': mapping.name, 'mapping_sha256': read_source(mapping).sha256,
@@ -379,7 +379,7 @@ def import_table(
                 raise BagError(f'{source}: no row makes a message of {name}{why}: mend its '
                                'columns, or take it out of the mapping')
     told = bag_doubts.doubts(read_bag(target, namespace=NAMESPACE))
-    return writer.counts, [*rows.notes, *told, *unused(others)]
+    return writer.counts, [*damage, *rows.notes, *told, *unused(others)]
 
 
 def parser() -> Parser:

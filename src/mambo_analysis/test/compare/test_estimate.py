@@ -9,6 +9,7 @@ from mambo_bags.reader import read_bag
 from mambo_bags.writer import BagWriter
 from mambo_flight import offline_replay
 from mambo_flight.scenario import scenario, to_yaml
+from mambo_model import schema
 from mambo_model.motion.rigid_body import State
 from mambo_ros import messages, topics
 import numpy as np
@@ -146,10 +147,24 @@ def test_it_says_whose_parameters_were_used(tmp_path):
     flight, plain = rest(tmp_path / 'flight', **flown(estimator='toolbox')), rest(tmp_path / 'a')
     for path, given, said in (
             (flight, None, 'estimator: toolbox, parameters of the bag'),
-            (flight, file, f'estimator: joint, parameters of {file}'),
+            (flight, file, f'estimator: joint, parameters of {file}, all others by default '
+                           '(the bag was flown with estimator toolbox)'),
+            (plain, file, f'estimator: joint, parameters of {file}, all others by default'),
             (plain, None, 'estimator: joint, parameters of the simulated Mambo, as the bag holds '
                           'none: --parameters FILE gives those of a vehicle')):
         assert estimate.again(path, given)[2].splitlines()[0] == said
+
+
+def test_parameters_of_another_drone_are_refused(tmp_path):
+    plain, file = rest(tmp_path / 'a'), tmp_path / 'own.yaml'
+    for name, same in (('/mambo2', False), ('/mambo', True), ('', True), ('/**', True)):
+        file.write_text(f'{name}/estimator_node: {{ros__parameters: {{joint: '
+                        '{sonar: {noise: 0.1}}}}'.removeprefix('/' * (not name)))
+        if same:
+            estimate.again(plain, file)
+        else:
+            with pytest.raises(schema.ParameterError, match='is of another drone than /mambo'):
+                estimate.again(plain, file)
 
 
 @pytest.mark.parametrize('options, text, output', [

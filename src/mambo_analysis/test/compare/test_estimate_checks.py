@@ -206,3 +206,18 @@ def test_each_fault_has_its_word(fault):
     states = np.full((len(t), len(health.NAMES)), fault)
     assert [line.split(' from ')[0] for line in judge.unused(t, states)] == [
         f'{name} {judge.FAULTS[fault]}' for name in health.NAMES]
+
+
+@pytest.mark.parametrize('topic, field, sign, said', [
+    ('optical_flow', 'rate_x', -1.0, ['optical_flow: rate_x shows the motion along -x (']),
+    ('optical_flow', 'rate_y', -1.0, ['optical_flow: rate_y shows the motion along -y (']),
+    ('optical_flow', 'rate_x', 1.0, []),
+    ('imu/data_raw', 'linear_acceleration', -1.0, ['the vehicle is upside down in '])])
+def test_a_sensor_of_the_other_sign_is_named(topic, field, sign, said):
+    """Nothing diverges within a short flight, and most samples pass their gate."""
+    bag = read_bag(BAG, estimate.READ)
+    sensor = bag[topic]
+    sensor._cache[field] = sign * sensor[field]
+    verdict = estimate.answer(bag, estimate.parameters(bag)).verdict.splitlines()[0]
+    assert ('contradicted' in verdict) == bool(said)
+    assert all(line in verdict for line in said)

@@ -45,6 +45,7 @@ def flight():
     return {
         'estimator/state': inner,
         'estimate/odom': Messages({'stamp': stamps(),
+                                   'orientation': np.tile([0.0, 0.0, 0.0, 1.0], (COUNT, 1)),
                                    'twist.twist.linear': np.zeros((COUNT, 3))})}
 
 
@@ -54,6 +55,12 @@ def first_line(flight):
 
 def test_a_flight_without_a_fault_did_not_diverge(flight):
     assert first_line(flight) == 'verdict: the estimate did not diverge'
+
+
+@pytest.mark.parametrize(('share', 'told'), [(0.4, False), (0.6, True), (1.0, True)])
+def test_a_vehicle_that_is_upside_down_most_of_the_time_is_told(flight, share, told):
+    flight['estimate/odom']['orientation'][:round(share * COUNT)] = [0.8, -0.6, 0.0, 0.0]
+    assert (f'upside down in {share:.0%} of the steps' in first_line(flight)) == told
 
 
 @pytest.mark.parametrize(('seconds', 'reported'), [

@@ -276,12 +276,12 @@ def _onboard(bag: Bag, own: Motion) -> list[str]:
                        'units and axes of both, and whether the estimate has diverged')
     if velocity is not None and all(
             name in bag and len(bag[name]) > 1 for name in ('optical_flow', 'imu/data_raw')):
-        out += _flow(bag, own, velocity)
+        out += flow(bag, own, velocity)
     return out
 
 
-def _flow(bag: Bag, own: Motion, velocity: Floats) -> list[str]:
-    """Return lines about an optical flow beside the drone's own velocity, (n, 3) m/s."""
+def flow(bag: Bag, own: Motion, velocity: Floats) -> list[str]:
+    """Return lines about an optical flow beside the velocity, (n, 3) m/s, of a motion."""
     seen, imu = bag['optical_flow'], bag['imu/data_raw']
     at = np.sort(seen.stamp)
     q, moving, height = (own.values(at, x) for x in (
@@ -322,5 +322,10 @@ def _single(bag: Bag) -> list[str]:
         elif most == least:
             out.append(f'motor_pwm: the commands are {most:.4g} throughout: the motors stand, or '
                        'their commands were not recorded')
+        still = np.ptp(commands, axis=0) == 0.0
+        if still.any() and not still.all():
+            motor = int(np.argmax(still))
+            out.append(f'motor_pwm: motor {motor + 1} has the command {commands[0, motor]:.4g} '
+                       'throughout, while others change: check its column')
     return out + [f'{_short(topic)}: it has one message: nothing can be seen of a motion'
                   for topic in bag.topics if len(bag[topic]) == 1]

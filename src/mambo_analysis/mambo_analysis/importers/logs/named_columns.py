@@ -21,9 +21,9 @@ Floats = NDArray[np.float64]
 INDEXED = re.compile(r'(.+)\[(\d{1,6})\]')
 
 
-def read_columns(source: Source, wanted: Map) -> tuple[dict[str, Floats], list[str]]:
+def read_columns(source: Source, wanted: Map) -> tuple[dict[str, Floats], list[str], list[str]]:
     """
-    Return {column: (n,) numbers} of a mapping, and the names of what it does not use.
+    Return {column: (n,) numbers} of a mapping, names of what it does not use, lines on damage.
 
     By its ending a file is a log of PX4 (``.ulg``: message.field), a MATLAB file (``.mat``:
     a.b, or a.b[2] for the third column), or a table (:mod:`mambo_analysis.importers.table_file`).
@@ -35,19 +35,22 @@ def read_columns(source: Source, wanted: Map) -> tuple[dict[str, Floats], list[s
 
     """
     path, suffix = source.path, source.path.suffix.lower()
-    others: list[str] = []
+    others, damage = [], []
     if suffix == '.ulg':
         try:
-            found = bounded.call(lambda file: read_log(file, wanted.clocks()), path)
+            found, damaged = bounded.call(lambda file: read_log(file, wanted.clocks()), path)
         except bounded.UnreadableError as error:
             raise BagError(f'{path}: {error}') from None
         except OSError as error:
             raise BagError(f'{path}: {error.strerror or error}') from None
+        if damaged:
+            damage = ['a part of the log is damaged: its messages are missing']
     elif suffix == '.mat':
         found, others = _of_mat(path, mat_file.variables(path, source.content), wanted)
     else:
-        return read_table(path, wanted.columns(), wanted.delimiter)
-    return {name: numbers(path, name, values) for name, values in found.items()}, others
+        return *read_table(path, wanted.columns(), wanted.delimiter), []
+    return ({name: numbers(path, name, values) for name, values in found.items()}, others,
+            damage)
 
 
 def _of_mat(

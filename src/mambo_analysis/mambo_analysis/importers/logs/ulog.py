@@ -46,7 +46,9 @@ def _open(path: Path, messages: list[str] | None) -> Any:
         raise ValueError('its content is damaged') from None
 
 
-def read(path: Path, clocks: Mapping[str, Sequence[str]]) -> dict[str, Floats]:
+def read(
+    path: Path, clocks: Mapping[str, Sequence[str]],
+) -> tuple[dict[str, Floats], bool]:
     """
     Return columns at the times of their clocks; for ``bounded.call``.
 
@@ -60,7 +62,7 @@ def read(path: Path, clocks: Mapping[str, Sequence[str]]) -> dict[str, Floats]:
 
     Returns
     -------
-    {column: (n,) numbers}
+    {column: (n,) numbers}, and whether a part of the log is damaged and missing.
 
     Raises
     ------
@@ -102,7 +104,7 @@ def read(path: Path, clocks: Mapping[str, Sequence[str]]) -> dict[str, Floats]:
             if column in out and not np.array_equal(out[column], values, equal_nan=True):
                 raise ValueError(f'column {quoted(column)} is wanted at two times')
             out[column] = values
-    return out
+    return out, bool(log.file_corruption)
 
 
 def _nearest_in_time(times: Times, own: Times, values: Floats) -> Floats:

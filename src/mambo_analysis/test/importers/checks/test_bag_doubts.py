@@ -177,6 +177,16 @@ def test_commands_in_another_unit_are_told(tmp_path, pwm, line):
     assert [text[:len(line)] for text in found] == [line] * bool(line)
 
 
+def test_one_motor_that_stands_is_told(tmp_path):
+    with BagWriter(tmp_path / 'bag') as writer:
+        out = Publisher(writer, {'motor_pwm': 'mambo_interfaces/msg/MotorPwm'})
+        for k in range(50):
+            out.publish('motor_pwm', 10_000_000 * k, '', pwm=np.array(
+                [300.0 + k, 0.0, 290.0 + k % 2, 310.0 - k]))
+    assert bag_doubts.doubts(read_bag(tmp_path / 'bag')) == [
+        'motor_pwm: motor 2 has the command 0 throughout, while others change: check its column']
+
+
 @pytest.mark.parametrize('volts, said', [
     (np.nan, []), (3.7, []), (0.0037, ['battery: it has a median of 0.0037 V: check its column'])])
 def test_a_battery_is_told_where_it_was_measured(tmp_path, volts, said):

@@ -33,7 +33,7 @@ def read(tmp_path, held, mapping=MAP):
 
 
 def test_variables_fields_and_columns_are_found(tmp_path):
-    found, others = read(tmp_path, content())
+    found, others, _ = read(tmp_path, content())
     np.testing.assert_array_equal(found['log.t'], 10.0 * np.arange(N))
     np.testing.assert_array_equal(found['gyro[2]'], 3.0 * np.arange(N) + 2.0)
     np.testing.assert_array_equal(found['log.a.z[0]'], np.full(N, 9.8))
@@ -75,7 +75,7 @@ def test_a_table_is_read_as_before(tmp_path):
     (tmp_path / 'a.csv').write_text('t,v,w\n0,1,2\n10,3,4\n')
     (tmp_path / 'map.yaml').write_text(
         'time: {column: t, unit: ms}\ntopics:\n  battery: {voltage: [v]}\n')
-    found, others = read_columns(
+    found, others, _ = read_columns(
         read_source(tmp_path / 'a.csv'), read_map(tmp_path / 'map.yaml'))
     np.testing.assert_array_equal(found['v'], [1.0, 3.0])
     assert others == ['w']

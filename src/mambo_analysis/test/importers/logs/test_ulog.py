@@ -75,9 +75,10 @@ def reader(request):
 
 def test_fields_come_at_the_times_of_their_message(tmp_path):
     path = written(tmp_path / 'a.ulg', LOG)
-    found = ulog.read(path, {
+    found, damaged = ulog.read(path, {
         'sensor_combined.timestamp': ['sensor_combined.gyro_rad[1]'],
         'sensor_combined#2.timestamp': ['sensor_combined#2.gyro_rad[0]']})
+    assert not damaged
     np.testing.assert_array_equal(found['sensor_combined.timestamp'], [100, 200, 300])
     np.testing.assert_array_equal(found['sensor_combined.gyro_rad[1]'], [1.0, 7.0, 13.0])
     np.testing.assert_array_equal(found['sensor_combined#2.gyro_rad[0]'], [7.0, 7.0])
@@ -88,7 +89,7 @@ def test_fields_of_other_messages_have_their_nearest_sample(tmp_path):
         np.array([0, 100, 200, 2000]), np.array([[1.0], [2.0], [3.0], [4.0]]))}
     slow[('sensor_combined', 0)] = (np.array([49, 51, 260, 1000]), np.zeros((4, 6)))
     path = written(tmp_path / 'a.ulg', slow)
-    found = ulog.read(path, {'sensor_combined.timestamp': ['battery_status.voltage_v']})
+    found, _ = ulog.read(path, {'sensor_combined.timestamp': ['battery_status.voltage_v']})
     np.testing.assert_array_equal(
         found['battery_status.voltage_v'], [1.0, 2.0, 3.0, np.nan])  # 800 us from any
 
@@ -165,6 +166,18 @@ def test_a_log_that_is_cut_off_or_damaged_is_one_line_or_what_is_left(tmp_path, 
         assert 'Traceback' not in error and 'Error' not in error
 
 
+def test_a_part_that_is_damaged_is_told(tmp_path):
+    content = bytearray(log(flight_log(flown.steered(seconds=8.0))))
+    half = len(content) // 2
+    for begin, said in ((half, False), (half + 4000, True)):
+        content[half:begin] = bytes(begin - half)
+        source = tmp_path / f'{begin}.ulg'
+        source.write_bytes(content)
+        _, notes = any_table.import_table(
+            source, tmp_path / f'bag {begin}', any_table.shipped()['px4'])
+        assert ('a part of the log is damaged: its messages are missing' in notes) == said
+
+
 def test_numbers_of_a_message_and_its_field_are_told_apart():
     assert ulog.split('vehicle_attitude.q[3]') == ('vehicle_attitude', 0, 'q[3]')
     assert ulog.split('sensor_accel#12.x') == ('sensor_accel', 12, 'x')
@@ -176,7 +189,7 @@ def test_numbers_of_a_message_and_its_field_are_told_apart():
 def test_a_message_of_a_single_sample_is_near_to_nothing(tmp_path):
     alone = {**LOG, ('battery_status', 0): (np.array([200]), np.array([[4.0]]))}
     path = written(tmp_path / 'a.ulg', alone)
-    found = ulog.read(path, {'sensor_combined.timestamp': ['battery_status.voltage_v'],
+    found, _ = ulog.read(path, {'sensor_combined.timestamp': ['battery_status.voltage_v'],
                              'battery_status.timestamp': []})
     assert np.isnan(found['battery_status.voltage_v']).all()
     np.testing.assert_array_equal(found['battery_status.timestamp'], [200.0])
