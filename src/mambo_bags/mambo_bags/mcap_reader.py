@@ -44,6 +44,7 @@ _HEAD = np.dtype([  # header of a message, with its frame
     ('log_time', '<u8'), ('publish_time', '<u8')])
 _SHORTEST = _HEAD.itemsize - _FRAME.size
 _FOOTER = _FRAME.size + 20  # bytes
+_BEFORE = _FRAME.size + 28  # bytes of a chunk before the name of its compression
 _NONE = 0  # opcode reserved by the format; a run of zeros has it
 Index = dict[int, tuple[int, NDArray[np.uint64]]]
 """{channel: (first byte of its message index, (n, 2) log times and offsets)}"""
@@ -189,6 +190,21 @@ def _records(data: Content, start: int) -> Iterator[tuple[int, int, int]]:
         position += length
 
 
+def _next_chunk(data: Content, begin: int) -> int | None:
+    """Return the offset of the next compressed chunk, by the name of its compression."""
+    for name in (b'\x04\0\0\0zstd', b'\x03\0\0\0lz4'):
+        place = data.find(name, begin + _BEFORE)
+        while place >= 0:
+            at = place - _BEFORE
+            opcode, length = _FRAME.unpack_from(data, at)
+            first, last = struct.unpack_from('<QQ', data, at + _FRAME.size)
+            if opcode == Opcode.CHUNK and first <= last and (
+                    at + _FRAME.size + length <= len(data)):
+                return at
+            place = data.find(name, place + 1)
+    return None
+
+
 def _unpack(chunk: Chunk, most: int) -> bytes:
     """
     Return the uncompressed records of a chunk, at most its stated size.
@@ -224,19 +240,10 @@ class _Scanner:
 
     def walk(self) -> None:
         """Scan the whole file."""
-        closed, end = False, len(MAGIC)
+        closed, end, position = False, len(MAGIC), len(MAGIC)
         self._repeated_definitions(len(MAGIC))
-        for opcode, start, end in _records(self._data, len(MAGIC)):
-            whole = end <= len(self._data)
-            if opcode == _NONE:
-                self.contents.lost.append(f'no record at byte {start - _FRAME.size}')
-                break
-            self._take(opcode, start, end)
-            if not whole:
-                self.contents.lost.append(f'cut off within a {_name(opcode)} at byte {start}')
-            closed = closed or opcode == Opcode.FOOTER
-            if closed or not whole:
-                break
+        while position is not None:
+            closed, end, position = self._stretch(position)
         self._passed_over(closed)
         try:
             self.messages(self._data, Heads.at(self._data, np.array(self._loose, np.int64)))
@@ -252,6 +259,34 @@ class _Scanner:
         self.contents.begin = min(
             (first for first, _ in self.account.spans.values()), default=None)
         self.contents.complete = closed and not self.contents.damage
+
+    def _stretch(self, position: int) -> tuple[bool, int, int | None]:
+        """
+        Take the records from a byte on, up to the footer or to what is no whole record.
+
+        Returns
+        -------
+        Whether the footer came, the end of the last record, and where the next chunk is that can
+        be read; None: nowhere.
+
+        """
+        end = position
+        for opcode, start, end in _records(self._data, position):
+            at, size = start - _FRAME.size, len(self._data)
+            if opcode == _NONE or end > size:
+                following = _next_chunk(self._data, start)
+                if opcode == _NONE:
+                    wrong = f'no record at byte {at}'
+                else:
+                    wrong = f'cut off within a {_name(opcode)} at byte {start}'
+                    self._take(opcode, start, end)  # what is whole of it
+                self.contents.lost.append(wrong if following is None else (
+                    f'{wrong}; {following - at} bytes up to the next chunk were not read'))
+                return False, end, following
+            self._take(opcode, start, end)
+            if opcode == Opcode.FOOTER:
+                return True, end, None
+        return False, end, None
 
     def _after(self, end: int) -> None:
         """Check what follows the footer, which ends at byte ``end``: the magic bytes alone."""

@@ -164,7 +164,19 @@ def test_zeros_are_no_records(file):
     parts = records(data)
     first, _ = group(parts, 3)
     put(file, [*parts[:first], (0, bytes(9_000_000)), *parts[first:]])
-    damaged(file, 'no record at byte', count=30)
+    damaged(file, 'bytes up to the next chunk were not read', count=50)
+
+
+@pytest.mark.parametrize('closed', [True, False])
+def test_a_chunk_whose_header_is_lost_costs_no_other(file, closed):
+    data = file.read_bytes()
+    starts = [start for opcode, start, _ in mcap_reader._records(data, 8)
+              if opcode == Opcode.CHUNK]
+    page = starts[1] - 9
+    spoilt = bytearray(data if closed else data[:starts[4]])
+    spoilt[page:page + 40] = bytes(40)
+    file.write_bytes(spoilt)
+    damaged(file, f'no record at byte {page}; ', count=40 if closed else 30)
 
 
 def bomb(file, compression, data, says):
