@@ -18,6 +18,7 @@ from contextlib import suppress
 import dataclasses
 import mmap
 from pathlib import Path
+import re
 import struct
 from typing import Any, NamedTuple
 import zlib
@@ -45,6 +46,8 @@ _HEAD = np.dtype([  # header of a message, with its frame
 _SHORTEST = _HEAD.itemsize - _FRAME.size
 _FOOTER = _FRAME.size + 20  # bytes
 _BEFORE = _FRAME.size + 28  # bytes of a chunk before the name of its compression
+_COMPRESSED = re.compile(rb'\x04\0\0\0zstd|\x03\0\0\0lz4')  # length and name, in a chunk
+_PARTS = 100  # between damaged bytes, of a file that is read on behind them
 _NONE = 0  # opcode reserved by the format; a run of zeros has it
 Index = dict[int, tuple[int, NDArray[np.uint64]]]
 """{channel: (first byte of its message index, (n, 2) log times and offsets)}"""
@@ -192,16 +195,12 @@ def _records(data: Content, start: int) -> Iterator[tuple[int, int, int]]:
 
 def _next_chunk(data: Content, begin: int) -> int | None:
     """Return the offset of the next compressed chunk, by the name of its compression."""
-    for name in (b'\x04\0\0\0zstd', b'\x03\0\0\0lz4'):
-        place = data.find(name, begin + _BEFORE)
-        while place >= 0:
-            at = place - _BEFORE
-            opcode, length = _FRAME.unpack_from(data, at)
-            first, last = struct.unpack_from('<QQ', data, at + _FRAME.size)
-            if opcode == Opcode.CHUNK and first <= last and (
-                    at + _FRAME.size + length <= len(data)):
-                return at
-            place = data.find(name, place + 1)
+    for found in _COMPRESSED.finditer(data, begin + _BEFORE):
+        at = found.start() - _BEFORE
+        opcode, length = _FRAME.unpack_from(data, at)
+        first, last = struct.unpack_from('<QQ', data, at + _FRAME.size)
+        if opcode == Opcode.CHUNK and first <= last and at + _FRAME.size + length <= len(data):
+            return at
     return None
 
 
@@ -242,8 +241,10 @@ class _Scanner:
         """Scan the whole file."""
         closed, end, position = False, len(MAGIC), len(MAGIC)
         self._repeated_definitions(len(MAGIC))
-        while position is not None:
+        for _ in range(_PARTS):
             closed, end, position = self._stretch(position)
+            if position is None:
+                break
         self._passed_over(closed)
         try:
             self.messages(self._data, Heads.at(self._data, np.array(self._loose, np.int64)))

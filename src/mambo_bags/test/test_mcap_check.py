@@ -179,6 +179,13 @@ def test_a_chunk_whose_header_is_lost_costs_no_other(file, closed):
     damaged(file, f'no record at byte {page}; ', count=40 if closed else 30)
 
 
+def test_headers_of_chunks_without_end_are_read_in_bounded_time(file):
+    one = struct.pack('<BQQQQI', Opcode.CHUNK, 39, 0, 1, 0, 0) + struct.pack('<I', 3) + (
+        b'lz4' + bytes(8 + 9))  # an empty chunk, and what is no record
+    file.write_bytes(mcap_reader.MAGIC + 200_000 * one)
+    assert 10 < len(mcap_reader.scan(file).lost) < 1000
+
+
 def bomb(file, compression, data, says):
     """Put a chunk in front of the others, which unpacks to other than it says."""
     body = struct.pack('<QQQI', 0, 0, says, 0) + struct.pack('<I', len(compression)) + (
