@@ -194,7 +194,7 @@ def try_source(target: Target, source: str, limit: float) -> Outcome:
         shutil.copytree(package, copy, ignore=shutil.ignore_patterns('*.pyc'))
         (copy / target.path).write_text(source)
         here, there = SERVER.Pipe(duplex=False)
-        process = SERVER.Process(
+        process = SERVER.Process(  # no daemon: a test may start processes
             target=test_copy, args=(folder, target.package, arguments, there))
         process.start()
         there.close()

@@ -47,7 +47,7 @@ _SHORTEST = _HEAD.itemsize - _FRAME.size
 _FOOTER = _FRAME.size + 20  # bytes
 _BEFORE = _FRAME.size + 28  # bytes of a chunk before the name of its compression
 _COMPRESSED = re.compile(rb'\x04\0\0\0zstd|\x03\0\0\0lz4')  # length and name, in a chunk
-_PARTS = 100  # between damaged bytes, of a file that is read on behind them
+_PARTS = 100  # how often reading goes on behind damaged bytes, at most
 _NONE = 0  # opcode reserved by the format; a run of zeros has it
 Index = dict[int, tuple[int, NDArray[np.uint64]]]
 """{channel: (first byte of its message index, (n, 2) log times and offsets)}"""
@@ -280,7 +280,7 @@ class _Scanner:
                     wrong = f'no record at byte {at}'
                 else:
                     wrong = f'cut off within a {_name(opcode)} at byte {start}'
-                    self._take(opcode, start, end)  # what is whole of it
+                    self._take(opcode, start, end, following)  # what is whole of it
                 self.contents.lost.append(wrong if following is None else (
                     f'{wrong}; {following - at} bytes up to the next chunk were not read'))
                 return False, end, following
@@ -302,14 +302,18 @@ class _Scanner:
             self.contents.wrong.append(
                 f'{len(self._data) - more} bytes follow the end of the file at byte {more}')
 
-    def _take(self, opcode: int, start: int, end: int) -> None:
-        """Add a top-level record; an unreadable one is listed as lost."""
+    def _take(self, opcode: int, start: int, end: int, following: int | None = None) -> None:
+        """
+        Add a top-level record; an unreadable one is listed as lost.
+
+        One that is cut off has bytes up to the chunk at ``following``, or to the end of the file.
+        """
         data, whole = self._data, end <= len(self._data)
         try:
             if whole:
                 self.account.take(opcode, data, start, end)
             if opcode == Opcode.CHUNK:
-                self.chunk(start, end)
+                self.chunk(start, end, following)
             elif whole and opcode == Opcode.MESSAGE:
                 if end - start < _SHORTEST:
                     raise ValueError('shorter than the header of a message')
@@ -425,9 +429,10 @@ class _Scanner:
                 if self._is_wanted(channel.topic):
                     self._wanted[channel.id] = messages
 
-    def chunk(self, start: int, end: int) -> None:
+    def chunk(self, start: int, end: int, following: int | None = None) -> None:
         """Add a chunk record; of a truncated or damaged one, the messages that are intact."""
-        body, where = self._data[start:end], start - _FRAME.size
+        where = start - _FRAME.size
+        body = self._data[start:end if following is None else following]
         whole = end <= len(self._data)
         same = self._bodies.setdefault(zlib.crc32(body), [])
         for first, last in same:

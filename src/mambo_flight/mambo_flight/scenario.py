@@ -390,14 +390,19 @@ class ParameterReader(Reader):
                 raise schema.ParameterError(
                     f'{self.where(key)}: {schema.unknown(name, self.leaves)}')
 
-    def ros_parameters(self, keys: Mapping[str, tuple[yaml.Node, yaml.Node]]) -> dict[str, Place]:
-        """Return {node.parameter: value and place} of a ROS 2 parameter file."""
+    def ros_parameters(
+        self, keys: Mapping[str, tuple[yaml.Node, yaml.Node]], namespace: str = '',
+    ) -> dict[str, Place]:
+        """Return {node.parameter: value and place} of a ROS 2 parameter file, of one drone."""
         parameters: dict[str, Place] = {}
         for name, (key, section) in keys.items():
             inner = self.mapping(section, name)
             if list(inner) != ['ros__parameters']:
                 self.fail(key, name, 'must hold ros__parameters and nothing else')
-            node = name.rpartition('/')[2]
+            drone, _, node = name.rpartition('/')
+            drone = drone.strip('/')
+            if namespace and drone and '*' not in drone and drone != namespace.strip('/'):
+                self.fail(key, name, f'is of another drone than {namespace}')
             if any(known.startswith(f'{node}.') for known in parameters):
                 self.fail(key, name, f'is a second section for {node}')
             if node not in NODES:
@@ -458,12 +463,7 @@ def load(path: Path, node: str = '', namespace: str = '') -> Scenario:
     reader = ParameterReader(path)
     root = reader.root()
     reader.learn(root)
-    sections = reader.mapping(root, 'file')
-    for name, (key, _) in sections.items():
-        drone = name.rpartition('/')[0].strip('/')
-        if namespace and drone and '*' not in drone and drone != namespace.strip('/'):
-            reader.fail(key, name, f'is of another drone than {namespace}')
-    parameters = reader.ros_parameters(sections)
+    parameters = reader.ros_parameters(reader.mapping(root, 'file'), namespace)
     if node and not any(name.startswith(f'{node}.') for name in parameters):
         raise schema.ParameterError(f'{path}: holds no parameters of {node}')
     return from_parameters(path, parameters)

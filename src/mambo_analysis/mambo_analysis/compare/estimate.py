@@ -11,6 +11,7 @@ depend on it. If the joint filter diverges, no smoothed result is given.
 from __future__ import annotations
 
 import argparse
+from contextlib import suppress
 import dataclasses
 from functools import cache
 from pathlib import Path
@@ -27,6 +28,7 @@ from mambo_flight import (
 from mambo_flight.smooth import recorded as smoothing
 from mambo_model import slots
 from mambo_model.errors import JobError
+from mambo_model.schema import ParameterError
 from mambo_model.whole_file import refuse_existing
 from mambo_ros import topics
 from mambo_signals import stamps
@@ -61,23 +63,30 @@ def parameters(bag: Bag, file: Path | None = None) -> EstimatorNodeParams:
     return chosen(bag, file)[0]
 
 
+def _flown(bag: Bag) -> scenario.Scenario | None:
+    """Return the scenario in a bag, None without; ParameterError if it is none."""
+    if 'scenario.yaml' not in bag.attachments:
+        return None
+    return scenario.from_yaml(
+        str(bag.attachments['scenario.yaml']), f'scenario.yaml in {bag.path}')
+
+
 def chosen(bag: Bag, file: Path | None) -> tuple[EstimatorNodeParams, str]:
     """Return the parameters of :func:`parameters`, and in words where they come from."""
-    flight = scenario.from_yaml(
-        str(bag.attachments['scenario.yaml']), f'scenario.yaml in {bag.path}',
-    ) if 'scenario.yaml' in bag.attachments else None
     if file is not None:
         node = scenario.load(file, 'estimator_node', bag.namespace).estimator_node
         if node.estimator == 'ground_truth':
             raise BagError(f'{file}: estimator ground_truth estimates nothing; name another')
         origin = f'{file}, all others by default'
-        if flight is not None and flight.estimator_node.estimator != node.estimator:
-            origin += f' (the bag was flown with estimator {flight.estimator_node.estimator})'
+        with suppress(ParameterError):  # the file may be given because that of the bag is wrong
+            flight = _flown(bag)
+            if flight is not None and flight.estimator_node.estimator != node.estimator:
+                origin += f' (the bag was flown with estimator {flight.estimator_node.estimator})'
         return node, origin
-    if flight is not None:
-        if flight.estimator_node.estimator != 'ground_truth':
-            node = recorded_changes.estimated(flight, bag).estimator_node
-            return node, 'the bag' + ', changed in flight' * bool(node.changes)
+    flight = _flown(bag)
+    if flight is not None and flight.estimator_node.estimator != 'ground_truth':
+        node = recorded_changes.estimated(flight, bag).estimator_node
+        return node, 'the bag' + ', changed in flight' * bool(node.changes)
     return EstimatorNodeParams(), (
         'the simulated Mambo, as the bag holds none: --parameters FILE gives those of a vehicle')
 

@@ -175,6 +175,11 @@ def from_capture(bag: Bag, state: Bag) -> list[str]:
             f'states a standard deviation of {sigma[k]:.2g} m']
 
 
+def _has(bag: Bag, *wanted: topics.Topic) -> bool:
+    """Return whether a bag has messages of each topic."""
+    return all(topic.name in bag and len(bag[topic.name]) for topic in wanted)
+
+
 def turning(bag: Bag) -> list[str]:
     """
     Return a line if the gyro and the attitude of the motion capture turn differently in flight.
@@ -182,8 +187,7 @@ def turning(bag: Bag) -> list[str]:
     A filter whose gyro has its axes swapped need not be far off: flow and sonar hold it. What a
     vehicle that has crashed shows on the floor is no contradiction.
     """
-    if any(topic.name not in bag or not len(bag[topic.name])
-           for topic in (topics.IMU, topics.OPTITRACK)):
+    if not _has(bag, topics.IMU, topics.OPTITRACK):
         return []
     tracked, imu = motion.read(bag, topics.OPTITRACK.name), bag[topics.IMU.name]
     if not pair.has_attitude(tracked):
@@ -218,8 +222,7 @@ def upside_down(attitude: Floats) -> list[str]:
 
 def seen_flow(bag: Bag) -> list[str]:
     """Return a line for each axis of the flow that is not the motion in the motion capture."""
-    if any(topic.name not in bag or not len(bag[topic.name])
-           for topic in (topics.IMU, topics.OPTICAL_FLOW, topics.OPTITRACK)):
+    if not _has(bag, topics.IMU, topics.OPTICAL_FLOW, topics.OPTITRACK):
         return []
     tracked = motion.read(bag, topics.OPTITRACK.name)
     if not pair.has_attitude(tracked) or len(tracked.t) < 3:
@@ -252,7 +255,7 @@ def contradictions(bag: Bag, state: Bag) -> list[str]:
                            strict=True):
         out += refused(name, t, inner[f'{field}_test_ratio'])
     out += biases(t, inner['accel_bias'], inner['gyro_bias'])
-    if topics.IMU.name in bag and len(bag[topics.IMU.name]):
+    if _has(bag, topics.IMU):
         imu = bag[topics.IMU.name]
         order = np.argsort(imu.stamp, kind='stable')
         measured = np.ones(6, bool)

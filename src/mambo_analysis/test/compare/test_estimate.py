@@ -155,6 +155,16 @@ def test_it_says_whose_parameters_were_used(tmp_path):
         assert estimate.again(path, given)[2].splitlines()[0] == said
 
 
+def test_a_file_takes_the_place_of_a_scenario_that_cannot_be_read(tmp_path):
+    file = tmp_path / 'own.yaml'
+    file.write_text('estimator_node: {ros__parameters: {joint: {sonar: {noise: 0.1}}}}')
+    bag = read_bag(rest(tmp_path / 'flight', **flown(estimator='toolbox')), estimate.READ)
+    bag.attachments['scenario.yaml'] = 'estimator_node: {ros__parameters: {estimator: gone}}'
+    with pytest.raises(schema.ParameterError):
+        estimate.chosen(bag, None)
+    assert estimate.chosen(bag, file)[1] == f'{file}, all others by default'
+
+
 def test_parameters_of_another_drone_are_refused(tmp_path):
     plain, file = rest(tmp_path / 'a'), tmp_path / 'own.yaml'
     for name, same in (('/mambo2', False), ('/mambo', True), ('', True), ('/**', True)):
