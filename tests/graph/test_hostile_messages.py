@@ -46,7 +46,7 @@ def test_a_stranger_on_every_input_changes_nothing(tmp_path, mode):
     bag, file = tmp_path / 'flight', tmp_path / 'scenario.yaml'
     file.write_text(to_yaml(flight))
     arguments = ['--ros-args', '--params-file', str(file)]
-    flood = 2.0 if mode == 'lockstep' else 0.0  # s
+    flood = 4.0 if mode == 'lockstep' else 0.0  # s
     with Domain(), stranger(rounds, flood):
         nodes = [NodeProcess(*RECORDER, [
             '--ros-args', '-p', f'bag:={bag}', '-p', 'topics:=ground_truth/odom,/diagnostics'])]
