@@ -17,6 +17,7 @@ exec >&2
 
 say() { printf 'mambo: %s\n' "$*"; }
 fail() { say "$*"; exit 1; }
+trap 'say "the installation was interrupted: start it again to go on"; exit 130' INT
 
 # What .venv was made for (ROS, Python, folder) and the recipe that it was filled by.
 base_stamp() {
@@ -117,15 +118,17 @@ case $mode${first:+ first} in
     *) say 'bringing .venv up to date' ;;
 esac
 if [[ $first ]]; then
-    # build/ and install/ name the interpreter and this folder: they go with the old one
-    rm -rf "$venv"
+    # build/ and install/ name the interpreter and this folder: they go with the old one. What
+    # says that .venv is ours stays, lest an interruption make it somebody else's.
+    if [[ -L $venv ]]; then rm "$venv"; fi
+    mkdir -p "$venv"
+    : >"$venv/.mambo"
+    find "$venv" -mindepth 1 -maxdepth 1 ! -name .mambo -exec rm -rf {} +
     for folder in build install; do
         if [[ -f $folder/COLCON_IGNORE ]]; then rm -rf "$folder"; fi
     done
     options=()
     if [[ $mode == system ]]; then options+=(--system-site-packages); fi
-    mkdir "$venv"
-    : >"$venv/.mambo"  # from here on it is ours, however far we come
     "$python" -m venv --without-pip "${options[@]}" "$venv" >"$log" 2>&1 ||
         fail "could not make $venv: see $log"
 fi
@@ -205,10 +208,12 @@ command -v ros2 >/dev/null || ln -sf "$root/tools/ros2" "$venv/bin/ros2"
 ln -sf "$root/tools/mambo" "$venv/bin/mambo"
 
 # Byte code, for whoever may not write it, while the workspace is built; the lock stays until it
-# is done. Left out: what no flight imports, most of the code.
+# is done. Left out: what no flight imports, most of the code. Ctrl-C during the build ends it.
 later='plotly|pandas|pip|fontTools|dask|distributed|pygments|narwhals|tornado|hypothesis|trimesh'
 later+='|docutils|_pytest|gymnasium|rich|imageio|viser|joblib|fsspec|apsw|jinja2|websockets|ruamel'
-env -u PYTHONPATH -u PYTHONHOME _ROS_WHEELS_BOOTSTRAP_COMPLETE=1 \
+interruptible=(--default-signal=INT)  # GNU coreutils 8.31; without it, it runs to its end
+env "${interruptible[@]}" true 2>/dev/null || interruptible=()
+env "${interruptible[@]}" -u PYTHONPATH -u PYTHONHOME _ROS_WHEELS_BOOTSTRAP_COMPLETE=1 \
     nice "$venv/bin/python3" -m compileall -q -x "/tests/|/site-packages/($later|pyarrow)/" \
     "$venv"/lib/python3*/site-packages </dev/null >.cache/compileall.log 2>&1 &
 

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 import weakref
 
 from rcl_interfaces.msg import Parameter as Message, SetParametersResult
-from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rcl_interfaces.srv import ListParameters, SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_service import ParameterService
 from rclpy.qos import QoSProfile
 
+from .request_size import bounded, PARAMETER, STRING, TooLarge
+
 MOST = 1000
 """Parameters in a request; reading a thousand takes a control step or two."""
+MOST_PREFIXES = 20
+"""Prefixes in a request for a list; each is compared with all parameters of the node."""
+LARGEST = 1_000_000
+"""Characters and elements of arrays in a request; reading them takes a control step or two."""
 WAITING = 10
 """Requests that wait for a service, as for other services of ROS; of those for parameters rclpy
 holds 1000, which were 1.5 GB of hostile ones."""
-_REFUSED = SetParametersResult(
-    successful=False, reason=f'more than {MOST} parameters in one request')
 _TYPES = frozenset(one.value for one in Parameter.Type)
 
 
@@ -30,15 +35,39 @@ def _wrong(parameter: Message) -> SetParametersResult | None:
         f'{parameter.name}: type {parameter.value.type} is none of rcl_interfaces/ParameterType'))
 
 
+def _answer(callback: Any, request: Any, response: Any) -> Any:
+    """Answer a request; one that is too large with one result, or with nothing."""
+    if not isinstance(request, TooLarge):
+        return callback(request, response)
+    refused = SetParametersResult(successful=False, reason=request.reason)
+    if isinstance(response, SetParameters.Response):
+        response.results = [refused] * min(request.count, MOST)
+    elif isinstance(response, SetParametersAtomically.Response):
+        response.result = refused
+    return response
+
+
 class _Owner:
-    """A node whose services hold ``WAITING`` requests; rclpy takes the number from a constant."""
+    """
+    A node whose parameter services read no large requests.
+
+    They hold ``WAITING`` requests; rclpy takes that number from a constant.
+    """
 
     def __init__(self, node: Node) -> None:
         self._node, self.get_name = node, node.get_name
 
-    def create_service(self, *what: Any, qos_profile: QoSProfile) -> None:
+    def create_service(self, srv_type: Any, name: str, callback: Any, *,
+                       qos_profile: QoSProfile) -> None:
         """Create a service with a short queue in place of the given one."""
-        self._node.create_service(*what, qos_profile=QoSProfile(depth=WAITING))
+        service = self._node.create_service(
+            srv_type, name, partial(_answer, callback), qos_profile=QoSProfile(depth=WAITING))
+        service.srv_type = (
+            bounded(srv_type, PARAMETER, MOST, LARGEST, 'parameters')
+            if srv_type in (SetParameters, SetParametersAtomically)
+            else bounded(srv_type, STRING, MOST_PREFIXES, LARGEST, 'prefixes')
+            if srv_type is ListParameters
+            else bounded(srv_type, STRING, MOST, LARGEST, 'names'))
 
 
 class BoundedService(ParameterService):
@@ -57,10 +86,6 @@ class BoundedService(ParameterService):
         self, request: SetParameters.Request, response: SetParameters.Response,
     ) -> SetParameters.Response:
         """Answer a request to set parameters one by one."""
-        count = len(request.parameters)
-        if count > MOST:
-            response.results = [_REFUSED] * count
-            return response
         for parameter in request.parameters:
             wrong = _wrong(parameter)
             if wrong is None:
@@ -74,8 +99,7 @@ class BoundedService(ParameterService):
         self, request: SetParametersAtomically.Request, response: SetParametersAtomically.Response,
     ) -> SetParametersAtomically.Response:
         """Answer a request to set all parameters, or none."""
-        wrong = _REFUSED if len(request.parameters) > MOST else next(
-            filter(None, map(_wrong, request.parameters)), None)
+        wrong = next(filter(None, map(_wrong, request.parameters)), None)
         if wrong is None:
             return super()._set_parameters_atomically_callback(request, response)
         response.result = wrong
