@@ -18,7 +18,7 @@ import sys
 import threading
 import time
 
-from mambo_bags.cli import environment
+from mambo_bags.cli import drawing, environment
 from mambo_ros.graph.ending_signals import ending
 
 from .stopping import leave_at_once, stoppable
@@ -65,6 +65,7 @@ def main(module: str) -> int:
         sys.stderr.write(f'{module}: {wrong}\n')
         return 2
     try:
+        drawing.draw_files_only()
         command = import_module(f'.{module}', __package__)
         code = stoppable(module, command.main)
     except (ImportError, MemoryError, OSError) as error:  # while a library is loaded

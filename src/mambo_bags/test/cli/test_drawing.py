@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 
+from mambo_bags.cli import drawing
 import pytest
 
 DRAW = """
@@ -40,3 +41,18 @@ def check(folder, environment):
                           cwd=folder, env={**os.environ, **environment})
     assert (done.returncode, done.stdout, done.stderr) == (0, 'agg 1.5\n', '')
     assert (folder / 'picture.png').is_file()
+
+
+def test_a_lock_that_an_ended_process_left_is_removed_and_that_of_a_living_one_is_not(
+        tmp_path, monkeypatch):
+    monkeypatch.setenv('MPLCONFIGDIR', str(tmp_path))
+    old, new, other = (tmp_path / name for name in (
+        'fontlist-v1.json.matplotlib-lock', 'new.matplotlib-lock', 'fontlist-v1.json'))
+    for file in (old, new, other):
+        file.touch()
+    for file in (old, other):
+        os.utime(file, (1e9, 1e9))
+    drawing._remove_stale_locks()
+    assert sorted(tmp_path.iterdir()) == sorted([new, other])
+    monkeypatch.setenv('MPLCONFIGDIR', str(tmp_path / 'none'))
+    drawing._remove_stale_locks()

@@ -17,6 +17,7 @@ from .nodes import RECORDER
 
 _FLOWN = re.compile(
     r'flew ([\d.]+) s in ([\d.]+) s of wall time, (\d+) steps without their motor command')
+_PAUSED = re.compile(r'paused before t = ')
 _DELAY = re.compile(r'IMU sample to motor command: .*')
 _USED = re.compile(r'used ([\d.]+) s of CPU and (\d+) MB')
 _REFUSED = re.compile(r'\[[\w.]*?(\w+)\]: refused messages: (.+)')
@@ -50,6 +51,7 @@ class Outcome:
     collisions: list[str] = field(default_factory=list)  # in the hall, one line each
     remarks: list[str] = field(default_factory=list)  # of the simulator, one line each
     dropped: list[str] = field(default_factory=list)  # commands not carried out, one line
+    paused: bool = False  # for a while, which ``took`` leaves out
 
     @property
     def real_time_factor(self) -> float:
@@ -66,11 +68,13 @@ class Outcome:
 
     def spent(self) -> str:
         """Return the CPU time and memory of the nodes as one line, the largest first."""
-        cpu = {name.removesuffix('_node'): seconds / self.took
+        # nodes use CPU in a pause, too, of which the wall time knows nothing
+        per, unit = (1.0, 's') if self.paused else (self.took, 'cores')
+        cpu = {name.removesuffix('_node'): seconds / per
                for name, (seconds, _) in self.used.items()}
         nodes = ', '.join(f'{name} {cpu[name]:.2f}' for name in sorted(cpu, key=cpu.get)[::-1])
         memory = max(memory for _, memory in self.used.values())
-        return f'CPU: {sum(cpu.values()):.2f} cores: {nodes}; memory: {memory} MB at most'
+        return f'CPU: {sum(cpu.values()):.2f} {unit}: {nodes}; memory: {memory} MB at most'
 
 
 class FlightEndedError(FlightError):
@@ -86,7 +90,7 @@ class Progress:
 
     def __init__(self, duration: float, shown: bool = True) -> None:
         self.flown, self.took, self.missed, self.delay = 0.0, 0.0, 0, ''
-        self.begun = self.ended = False
+        self.begun = self.ended = self.paused = False
         self.lines = 0
         self.collisions: list[str] = []
         self.remarks: list[str] = []
@@ -102,6 +106,8 @@ class Progress:
         if found := _FLOWN.search(text):
             self.flown, self.took, self.missed = float(found[1]), float(found[2]), int(found[3])
             self.ended = True
+        elif _PAUSED.search(text):
+            self.paused = True
         elif found := _COLLIDED.search(text):
             self.collisions.append(found[0])
         elif found := _REMARK.search(text):

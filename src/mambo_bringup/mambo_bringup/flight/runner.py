@@ -196,4 +196,4 @@ def _outcome(bag: Path, progress: Progress, nodes: list[NodeProcess],
         bag, progress.flown, progress.took, progress.missed, progress.delay,
         group.interrupts.first, used(nodes), refused(nodes), closed, fault,
         whole=progress.flown >= asked, collisions=progress.collisions, remarks=progress.remarks,
-        dropped=dropped(nodes))
+        dropped=dropped(nodes), paused=progress.paused)

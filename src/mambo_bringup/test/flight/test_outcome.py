@@ -40,6 +40,14 @@ def test_what_nodes_used_is_told_in_cores_the_greediest_first(graph, tmp_path):
         'CPU: 1.00 cores: estimator 0.60, sim 0.40; memory: 120 MB at most')  # in 1.5 s
 
 
+def test_what_nodes_used_in_a_flight_with_a_pause_is_told_in_seconds(graph, tmp_path):
+    """The wall time is without the pause, in which the nodes used CPU."""
+    graph(sim_node="print('[INFO] [1.0] [mambo.sim_node]: paused before t = 1.000 s')\n" + FLEW
+          + "print('used 6.00 s of CPU and 120 MB')")
+    outcome = fly(short(), tmp_path / 'bag')
+    assert outcome.spent() == 'CPU: 6.00 s: sim 6.00; memory: 120 MB at most'
+
+
 def test_what_nodes_refused_is_of_the_outcome_the_last_count_of_each(graph, tmp_path, capsys):
     says = "print('[WARN] [1.0] [mambo.%s]: refused messages: %d /mambo/motor_pwm not finite')\n"
     graph(sim_node=FLEW + says % ('sim_node', 1) + says % ('sim_node', 35))
