@@ -128,13 +128,15 @@ class Entry:
         self.handle, self._callback = handle, source.take
         self._msg_type, self._reliable = source.topic.msg_type, source.reliable
         self.take_all = self._take_unguarded
+        self._taker: MessageTaker | None = None
         if isinstance(source.take, PublisherGuard):
             self._taker = MessageTaker(handle, source.take.largest + 1)
             self.take_all = source.take.pull = self._take_guarded
 
     def close(self) -> None:
-        """Release the subscription of a guarded input, which is served no more."""
-        self._taker.close()
+        """Release the subscription, which is served no more."""
+        if self._taker is not None:
+            self._taker.close()
 
     def _take_unguarded(self) -> bool:
         """Handle the messages that wait at the middleware; return whether there were any."""

@@ -194,5 +194,7 @@ class Loop:
         self._executor.spin_once(timeout_sec=0.0)
 
     def close(self) -> None:
-        """Release the executor."""
+        """Release the executor and the subscriptions, which keep their nodes alive."""
         self._executor.shutdown()
+        for entry in self._entries:
+            entry.close()

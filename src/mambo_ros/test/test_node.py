@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 import os
+from pathlib import Path
 import re
 import signal
 import subprocess
@@ -362,6 +363,21 @@ def test_a_signal_ends_a_node_in_order(ros, tmp_path, number):
     out, err = process.communicate(timeout=PATIENCE)
     assert (process.returncode, err) == (0, '')
     assert out.splitlines()[-3:-1] == [f'ended by {number.name}', 'finished with 300']
+
+
+@pytest.mark.parametrize('single', [False, True])
+def test_an_ended_node_leaves_no_shared_memory(tmp_path, monkeypatch, single):
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'OFF')  # maps no segment of others
+    monkeypatch.setattr(f'{__name__}.PROGRAM', PROGRAM.replace(
+        'self.on_clock)', f'self.on_clock, single={single})'))
+    process = start(tmp_path)
+    wait_for(process, 'ready')
+    maps = Path(f'/proc/{process.pid}/maps').read_text()
+    segments = {Path(name) for name in re.findall(r'/dev/shm/fastrtps_[0-9a-f]{16}\b', maps)}
+    assert segments
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=PATIENCE)
+    assert not [segment for segment in segments if segment.exists()]
 
 
 @pytest.mark.long
