@@ -163,6 +163,10 @@ def _misfits(a: Floats, b: Floats, lags: int) -> tuple[Floats, float] | None:
             np.var(middle[whole]))
 
 
+_SHIFT = 0.1  # s
+_RISE = 0.5  # part of the variance: 1 and more in flights on a circle, 0.15 where a hover drifts
+
+
 def delay(a: Floats, b: Floats, period: float, longest: float = 1.0) -> float:
     """
     Return the delay of one signal behind another [s]; positive if ``a`` is later.
@@ -185,8 +189,9 @@ def delay(a: Floats, b: Floats, period: float, longest: float = 1.0) -> float:
     Returns
     -------
     NaN if the signals do not determine it: they are shorter than four times the longest delay,
-    there is no motion, the other signal explains less than 0.9 of the variance, or the minimum
-    is at the end of the search.
+    there is no motion, the other signal explains less than 0.9 of the variance, the minimum
+    is at the end of the search, or a shift of ``_SHIFT`` from it increases the variance of the
+    difference by less than ``_RISE``: a slow drift of the difference would decide.
 
     """
     lags = round(longest / period)
@@ -198,6 +203,10 @@ def delay(a: Floats, b: Floats, period: float, longest: float = 1.0) -> float:
     variances, variance = one[0] + other[0][::-1], one[1] + other[1]
     best = int(variances.argmin())
     if best in (0, len(variances) - 1) or variances[best] > 0.1 * variance:
+        return float('nan')
+    near = round(_SHIFT / period)
+    around = variances[max(best - near, 0)], variances[min(best + near, 2 * lags)]
+    if sum(around) < 2.0 * (1.0 + _RISE) * variances[best]:
         return float('nan')
     before, here, after = variances[best - 1:best + 2]
     bend = before - 2.0 * here + after

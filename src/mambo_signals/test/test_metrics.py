@@ -157,11 +157,15 @@ def test_the_delay_knows_gaps_and_little_noise():
     assert np.isnan(metrics.delay(a, b, PERIOD))
 
 
-@pytest.mark.parametrize('case', ['short', 'still', 'strangers', 'beyond', 'nothing'])
+@pytest.mark.parametrize('case', [
+    'short', 'still', 'strangers', 'beyond', 'nothing', 'drifting'])
 def test_a_delay_that_the_signals_do_not_determine_is_nan(case):
     x, other = wandering(2)(AT), wandering(3)(AT)
     a, b = {
         'short': (x[:399], x[:399]), 'still': (np.ones(1500), np.ones(1500)),
         'strangers': (x, other), 'beyond': (wandering(2)(AT - 1.5), x),
-        'nothing': (np.full(1500, np.nan), x)}[case]
+        'nothing': (np.full(1500, np.nan), x),
+        # a slow way whose difference drifts: 0.3 s would be the best shift
+        'drifting': (np.sin(0.5 * AT) - 0.15 * np.cos(0.5 * AT) + 0.1 * np.sin(0.8 * AT),
+                     np.sin(0.5 * AT))}[case]
     assert np.isnan(metrics.delay(a, b, PERIOD))

@@ -203,13 +203,22 @@ def compare(bag: Bag) -> dict[str, Any]:
         'bag': bag.path.name, 'duration': (bag.end - bag.start) * 1e-9,
         'real_time_factor': _factor(bag),
         'source': bag.metadata.get('import', {}).get('source_file'),
-        'takeoff_end': _seconds(parts.takeoff_end), 'landing_start': _seconds(parts.landing_start),
-        'takeoff': parts.text, 'ending': ended_early(bag), 'errors': errors,
+        **_takeoff(parts, bag.end), 'landing_start': _seconds(parts.landing_start),
+        'ending': ended_early(bag), 'errors': errors,
         'topics': _topics(bag), 'notes': notes}
 
 
 def _seconds(stamp: int | None) -> float | None:
     return None if stamp is None else stamp * 1e-9
+
+
+def _takeoff(parts: Phases, end: int) -> dict[str, Any]:
+    """Return when the take-off ends, if the recording goes on until then, and how it is known."""
+    if parts.takeoff_end is None or parts.takeoff_end <= end:
+        return {'takeoff_end': _seconds(parts.takeoff_end), 'takeoff': parts.text}
+    return {'takeoff_end': None, 'takeoff': (
+        f'the recording ends before the take-off, at {parts.takeoff_end * 1e-9:.2f} s: '
+        f'{parts.text}')}
 
 
 def _rows(table: NDArray, index: Ints) -> NDArray:

@@ -56,6 +56,14 @@ def test_take_off_ends_with_the_blend_of_the_scenario(result):
     assert result['takeoff'] == 'phase TRACK from 5.00 s and 3 s of blend'
 
 
+def test_a_recording_that_ends_before_the_take_off_says_so(tmp_path):
+    found = compare(read_bag(make_flight(tmp_path / 'b', 6.0)))
+    assert found['takeoff_end'] is None
+    assert table(found).splitlines()[1] == (
+        'the recording ends before the take-off, at 8.00 s: phase TRACK from 5.00 s and 3 s of '
+        'blend')
+
+
 def test_an_unknown_blend_is_assumed_and_said(tmp_path):
     bag = read_bag(make_flight(tmp_path / 'b', 6.0, attachments={}))
     parts = phases(bag)
