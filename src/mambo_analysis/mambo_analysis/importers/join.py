@@ -16,6 +16,7 @@ from collections.abc import Mapping
 import dataclasses
 import math
 from pathlib import Path
+import re
 from typing import NamedTuple
 
 from mambo_bags import mcap_reader
@@ -37,6 +38,7 @@ import numpy as np
 from .checks import plausible
 
 POSE = 'optitrack/pose'
+_ADVICE = r'[;:]? (or )?give --offset SECONDS'
 LONGEST = 2e9  # [s] of an offset: log times since boot and since 1970
 RATES = ('roll rate', 'pitch rate', 'yaw rate')
 OWN = ('onboard/odom', 'estimate/odom')
@@ -285,8 +287,9 @@ def _check_given(offset: float, bag: Bag, tracked: motion.Motion) -> str:
     """Return a line, or '', on a given offset that is not the one by correlation."""
     try:
         found = find_clock(bag, tracked)
-    except AlignError:  # which is why one is given
-        return ''
+    except AlignError as error:  # which may be why one is given
+        reason = re.split(_ADVICE, str(error))[0]
+        return f'warning: nothing confirms the given offset: {reason}\n'
     if abs(offset - found.offset) <= max(CHANGE, CLEAR * found.sigma):
         return ''
     return (f'warning: by {found.source} the offset is {found.offset:+.3f} s, not the given '

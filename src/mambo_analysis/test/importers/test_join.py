@@ -80,6 +80,14 @@ def test_a_given_offset_is_taken_and_poses_outside_of_the_flight_are_counted(log
     assert 'warning' not in join.join(log, take, tmp_path / 'right', BEGAN)
 
 
+def test_an_offset_for_another_flight_is_not_confirmed(log, take, tmp_path, monkeypatch):
+    def differ(*_):
+        raise AlignError('the signals differ: another flight; or give --offset SECONDS')
+    monkeypatch.setattr(join, 'find_clock', differ)
+    assert ('warning: nothing confirms the given offset: the signals differ: another flight\n'
+            in join.join(log, take, tmp_path / 'joined', BEGAN))
+
+
 def test_what_is_joined_can_be_asked_for_the_drift(log, take, tmp_path, capsys):
     join.join(log, take, tmp_path / 'joined')
     assert identify_drift.main([str(tmp_path / 'joined')]) == 0

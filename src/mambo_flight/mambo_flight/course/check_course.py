@@ -18,11 +18,12 @@ from typing import Any
 from mambo_bags.cli.option_types import declared, real
 from mambo_bags.command import guard, Parser, write_json
 from mambo_model import schema
-from mambo_model.errors import InputError, JobError
+from mambo_model.errors import InputError, JobError, MamboError
 from mambo_model.motion.polynomial import Array, Course, raised, resized, stretched
 from mambo_model.motion.uav_trajectories import FARTHEST, LONGEST
 from mambo_model.vehicle.parameters import find, PRESETS, Vehicle
 from mambo_model.whole_file import refuse_existing
+import numpy as np
 
 from . import course_file, feasibility, function_course
 from .waypoints import Settings
@@ -85,6 +86,7 @@ def chosen(options: argparse.Namespace) -> tuple[Course, Vehicle, float]:
         raise InputError('--duration is for a function of time; for a file use --stretch')
     else:
         course = course_file.read(Path(options.course).expanduser(), over)
+        _refuse_unused_speed(Path(options.course).expanduser(), over, course)
     vehicle, factor = find(options.vehicle), 1.0
     if options.scale is not None:
         course = resized(course, options.scale)
@@ -95,6 +97,19 @@ def chosen(options: argparse.Namespace) -> tuple[Course, Vehicle, float]:
                   else feasibility.factor(options.stretch, '--stretch'))
         course = stretched(course, factor)
     return course, vehicle, factor
+
+
+def _refuse_unused_speed(path: Path, over: Mapping[str, Any], course: Course) -> None:
+    """Raise InputError if a speed is given for a course in which each leg has its own time."""
+    if 'speed' not in over:
+        return
+    try:
+        own = course_file.read(path, {name: over[name] for name in over if name != 'speed'})
+    except MamboError:  # legs without a time
+        return
+    if np.array_equal(own.duration, course.duration):
+        raise InputError(f'--speed is for legs without a time: each leg of {path} has a time or '
+                         'a speed of its own; use --stretch')
 
 
 def _of_function(options: argparse.Namespace, over: Mapping[str, Any]) -> Course:

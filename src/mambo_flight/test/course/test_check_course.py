@@ -81,6 +81,7 @@ def test_numbers_as_json_are_those_of_the_table(fast, capsys):
     ([EIGHT, '--vehicle', 'eagle'], "vehicle 'eagle' is unknown"),
     ([EIGHT, '--tube', '-1'], '--tube: -1 must be within 0 to 100 m'),
     ([EIGHT, '--speed', '0'], '--speed: 0 must be more than 0 and at most 30 m/s'),
+    ([EIGHT, '--speed', '3'], '--speed is for legs without a time: each leg of '),
     ([EIGHT, '--pieces', '1.5'], "--pieces: '1.5' is not a whole number"),
     ([EIGHT, '-o', 'x.doc'], 'x.doc: the name of a picture must end in .png, .svg, .pdf'),
     (['mine.py:f', '--duration', '3'], 'mine.py: No such file or directory')])
