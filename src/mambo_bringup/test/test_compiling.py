@@ -7,12 +7,16 @@ import time
 from mambo_bringup import compiling
 from mambo_control.controller_node import ControllerNode
 from mambo_control.reference_node import ReferenceNode
+from mambo_estimation import estimator_node, filters
 from mambo_estimation.estimator_node import EstimatorNode
-from mambo_flight.scenario import scenario
+from mambo_flight.scenario import override, scenario
+from mambo_model.compiled import hold
+from mambo_ros import messages
 from mambo_sim.optitrack_node import OptitrackNode
 from mambo_sim.sim_node import SimNode
 import pytest
 
+LEVEL = (1.0, 0.0, 0.0, 0.0)
 PD = Path(__file__).parents[3] / 'examples/pd_controller.py'
 
 
@@ -93,3 +97,15 @@ def test_other_components_and_options_are_compiled_anew():
     assert len(set(kinds)) == len(flights)
     same = scenario(overrides={'sim_node.simulator.vehicle.mass': 0.1})
     assert tuple(compiling._kind(params) for _, params in compiling._tasks(same)) == kinds[0]
+
+
+def test_the_first_pose_of_a_flight_has_nothing_left_to_compile():
+    """A flight in real time would lose its estimate meanwhile."""
+    aided = override(scenario(), {'estimator_node.joint.pose.enabled': True}).estimator_node
+    EstimatorNode.compile(aided)
+    offer = estimator_node._offer.for_python
+    before = list(offer.signatures)
+    _, rho, q = messages.decode_pose(messages.optitrack(0, (0.0, 1.0, 2.0), LEVEL))
+    values = aided.compiled()
+    estimator_node._offer(hold(filters.initial(values), None, values), 0.01, rho, q)
+    assert before and offer.signatures == before

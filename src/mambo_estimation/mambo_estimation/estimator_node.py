@@ -81,9 +81,8 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         self._subscribe_sensor(topics.OPTICAL_FLOW, messages.decode_optical_flow, sync.add_flow)
         self._subscribe_sensor(topics.BAROMETER, messages.decode_pressure, sync.add_pressure)
         if not watermark:  # the inertial samples are the clock
-            self.accept(
-                topics.IMU, messages.decode_imu, self._adder(sync.add_imu),
-                reliable=self._reliable)
+            self.accept(topics.IMU, messages.decode_imu, self._adder(sync.add_imu),
+                        reliable=self._reliable)
             return
         self._subscribe_sensor(topics.IMU, messages.decode_imu, sync.add_imu)
         # the last message of a step, which completes it
@@ -95,6 +94,8 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         """Have the compiled step of an estimator in memory, before time starts."""
         values = p.compiled()
         held = hold(filters.initial(values), None, values)
+        if p.aided:
+            _offer(held, 0.0, _ZERO3, (1.0, *_ZERO3))
         _step(held, 0.0, _ZERO3, _ZERO3, 0.0, _ZERO3[:2], 0, 0.0)
         set_values(held, values)
 
@@ -111,9 +112,8 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
     def _subscribe_sensor(self, topic: topics.Topic, decode: Callable, add: Callable) -> None:
         """Queue each message, late, repeated or unreadable: what sorts and checks is behind."""
         stream = _STREAMS.index(topic)
-        guard = self.accept(
-            topic, decode, self._adder(add), prompt=False, reliable=self._reliable,
-            timed=False, lost=lambda: self._run(self._sync.skip(stream)))
+        guard = self.accept(topic, decode, self._adder(add), prompt=False, reliable=self._reliable,
+                            timed=False, lost=lambda: self._run(self._sync.skip(stream)))
         guard.forgotten = lambda _: self._sync.forget(stream)
 
     def _taker(self, add: Callable) -> Callable:
