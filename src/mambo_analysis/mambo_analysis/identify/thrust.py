@@ -161,9 +161,11 @@ def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> result.
     base = options.base or result.DEFAULT
     vehicle = find(base)
     lift = 4.0 * float(thrust[found.used].max()) / (vehicle.mass * vehicle.gravity)
+    heavy = None
     if not LIFT[0] < lift < LIFT[1]:
-        notes.append(f'four such motors lift {lift:.3g} times the weight of {base}: check '
-                     '--unit, --motors and --base')
+        heavy = (f'four such motors lift {lift:.3g} times the weight of {base}: check '
+                 '--unit, --motors and --base')
+        notes.append(heavy)
     if found.b.high < USUAL[0] or found.b.low > USUAL[1]:
         notes.append(f'the thrust grows with the command to the power {found.b.value:.3g}; of '
                      f'rotors {USUAL[0]:g} to {USUAL[1]:g} are usual: check the zero of the scale '
@@ -175,10 +177,11 @@ def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> result.
     try:
         result.vehicle_text(report, base)
     except ParameterError as error:
+        why = heavy or (
+            'the thrust of one motor must rise with its command; check --command, --thrust, '
+            '--unit, --motors and the zero of the scale')
         raise IdentifyError(
-            f'{options.file}: no motor map of a vehicle: {error}: the thrust of one motor must '
-            'rise with its command; check --command, --thrust, --unit, --motors and the zero of '
-            'the scale') from None
+            f'{options.file}: no motor map of a vehicle: {error}: {why}') from None
     return report
 
 

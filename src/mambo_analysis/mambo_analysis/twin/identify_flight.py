@@ -16,6 +16,7 @@ from typing import Any
 
 from mambo_bags.cli.option_types import real
 from mambo_bags.command import Parser
+from mambo_model.vehicle.motor_mixer import thrust_from_pwm
 from mambo_model.vehicle.parameters import Vehicle
 import numpy as np
 from scipy import stats
@@ -31,6 +32,7 @@ from .recorded import GRAVITY, read_flight, Recorded
 AXES = 'xyz'
 USUAL_BIAS = 0.8  # m/s^2, of the accelerometer along z: MPU-6000, at most
 SMALLEST = 1.0  # command at which a vehicle can hover: the maps of vehicle files begin there
+OTHER_MASS = 3.0  # factor between mass and lift; 1.6 to 1.9 with the preset crazyflie on NanoBench
 NO_LAG = 0.01  # [s] of motors, at most; in flights of a Crazyflie 0.02 or more
 METHOD = f'{result.METHOD}; wider where {BLOCKS} parts of the flight disagree (jackknife)'
 
@@ -71,7 +73,8 @@ def hover_command(found: Found) -> Value:
 
 def command_notes(name: str, hover: float, base: Vehicle) -> list[str]:
     """
-    Return a note if a flight hovers at a command that its base cannot be given.
+    Return a note if a flight hovers at a command that its base cannot be given, or that would
+    lift another mass.
 
     Raises
     ------
@@ -83,7 +86,11 @@ def command_notes(name: str, hover: float, base: Vehicle) -> list[str]:
         raise IdentifyError(f'{name}: it hovers at a motor_pwm of {hover:.3g}: a vehicle takes '
                             'PWM or counts above 1; multiply the commands by their range')
     if base.pwm_min < hover < base.pwm_max:
-        return []
+        lift = 4.0 * thrust_from_pwm(hover, base.values()) / (base.mass * base.gravity)
+        if 1.0 / OTHER_MASS < lift < OTHER_MASS:
+            return []
+        return [f'it hovers at a motor_pwm of {hover:.0f}, with which the motors of the base lift '
+                f'{lift:.2g} times the mass of {base.mass:.3g} kg: check --mass and --base']
     return [f'it hovers at a motor_pwm of {hover:.0f}, and its base takes {base.pwm_min:g} to '
             f'{base.pwm_max:g}: the vehicle file cannot be flown without other pwm_min and '
             'pwm_max, or another --base']

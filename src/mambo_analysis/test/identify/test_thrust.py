@@ -173,4 +173,5 @@ def test_a_map_that_no_vehicle_has_is_refused_with_and_without_a_folder(
     out, error = capsys.readouterr()
     assert not out and error.count('\n') == 1 and not (tmp_path / 'out').exists()
     assert f'bench.csv: no motor map of a vehicle: vehicle.{said}' in error
-    assert 'must rise with its command; check --command' in error
+    assert ('times the weight of identified: check --unit' if said == 'linear_gain = '
+            else 'must rise with its command; check --command') in error

@@ -1,5 +1,6 @@
 """From a bag to numbers with intervals and a vehicle that flies."""
 
+from dataclasses import replace
 import json
 
 from flown import bag, flight, SPIN, steered, STRAIGHT, table_of, TRUE
@@ -121,6 +122,15 @@ def test_commands_in_another_unit_than_those_of_the_base_are_told():
         assert note.startswith(f'it hovers at a motor_pwm of {hover:.0f}, and its base takes 10')
     with pytest.raises(IdentifyError, match='flight: it hovers at a motor_pwm of 0.556: a veh'):
         command_notes('flight', 0.556, mambo)
+
+
+@pytest.mark.parametrize('factor, told', [(0.3, True), (0.7, False), (1.5, False), (10.0, True)])
+def test_a_mass_that_the_motors_do_not_lift_is_told(factor, told):
+    base = preset('crazyflie')
+    heavy = replace(base, mass=factor * base.mass)
+    notes = command_notes('flight', 36000.0, heavy)
+    assert bool(notes) == told
+    assert all(note.endswith('check --mass and --base') for note in notes)
 
 
 @pytest.mark.parametrize('gain, told', [
