@@ -29,7 +29,9 @@ from .regression import IdentifyError, LEVEL, Value
 Floats = NDArray[np.float64]
 
 METHOD = 'intervals of 95 %: least squares of independent readings, Student t'
-LIFT = (1.0, 8.0)  # largest thrust of four motors over the weight, of what flies; the Mambo 2.6
+LIFT = (1.0, 6.0)  # largest thrust of four motors over the weight, of what flies; the Mambo 2.6
+STRAY = 2.0  # factor by which a thrust is misread; 1.06 on a real bench
+REACH = (0.5, 1.5)  # largest command of a bench over the limit of the base; 0.96 on a real one
 USUAL = (1.0, 2.5)  # exponent of the map of a rotor: 1.47 in the thesis
 THESIS = (4.29e-5, 1.47)  # a [N] and b of (4.5), sec. 4.4.2
 
@@ -82,11 +84,28 @@ def fit_thrust(pwm: Floats, thrust: Floats, largest: float = np.inf) -> Thrust:
         raise IdentifyError(
             f'the thrust at command {X[T <= 0.0][0]:g} is {T[T <= 0.0][0]:g} N: a motor that '
             'runs pushes; check sign and zero of the scale')
+    _refuse_stray(X, T)
     with np.errstate(all='ignore'):  # of readings that no bench gives; told below
         found = _fit(X, T, used)
     if not np.isfinite([*found.gain[:3], *found.a[:3], *found.b[:3], *found[3:6]]).all():
         raise IdentifyError('commands or thrusts are too large or too small for a map')
     return found
+
+
+def _refuse_stray(X: Floats, T: Floats) -> None:
+    """Raise IdentifyError if a thrust is not between those of the commands beside it."""
+    levels, level = np.unique(np.log(X), return_inverse=True)
+    middle = np.array([np.median(np.log(T[level == k])) for k in range(len(levels))])
+    inside = np.arange(1, len(levels) - 1)
+    beside = middle.copy()  # a curve through the neighbours, in logarithms
+    beside[inside] = middle[inside - 1] + (middle[inside + 1] - middle[inside - 1]) * (
+        levels[inside] - levels[inside - 1]) / (levels[inside + 1] - levels[inside - 1])
+    rest = np.where((level > 0) & (level < len(levels) - 1), np.log(T) - beside[level], 0.0)
+    k = int(np.abs(rest).argmax())
+    if abs(rest[k]) > np.log(STRAY):
+        raise IdentifyError(f'the thrust at command {X[k]:g} is {T[k]:.4g} N, '
+                            f'{np.exp(rest[k]):.2g} times what those of the commands beside it '
+                            'say: correct it or leave it out')
 
 
 def _fit(X: Floats, T: Floats, used: NDArray[np.bool_]) -> Thrust:
@@ -166,6 +185,10 @@ def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> result.
         heavy = (f'four such motors lift {lift:.3g} times the weight of {base}: check '
                  '--unit, --motors and --base')
         notes.append(heavy)
+    reach = float(pwm[found.used].max()) / vehicle.pwm_max
+    if not REACH[0] < reach < REACH[1]:
+        notes.append(f'the largest command is {reach:.2g} times pwm_max = {vehicle.pwm_max:g} of '
+                     f'{base}: the map holds in the unit of the bench, check it and --base')
     if found.b.high < USUAL[0] or found.b.low > USUAL[1]:
         notes.append(f'the thrust grows with the command to the power {found.b.value:.3g}; of '
                      f'rotors {USUAL[0]:g} to {USUAL[1]:g} are usual: check the zero of the scale '

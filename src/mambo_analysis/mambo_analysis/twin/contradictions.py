@@ -90,6 +90,17 @@ def refuse_still_motor(path: Path, command: Floats) -> None:
             'the flight, the others change: it is not in the recording')
 
 
+def refuse_doubled_motor(path: Path, command: Floats) -> None:
+    """Refuse commands (n, 4) of which two columns are the same and the others are not."""
+    if len(np.unique(command, axis=1).T) != 3:  # a model moves in a plane: two and two
+        return
+    a, b = next((a, b) for a in range(4) for b in range(a + 1, 4)
+                if np.array_equal(command[:, a], command[:, b]))
+    raise IdentifyError(
+        f'{path}: motors {a + 1} and {b + 1} of motor_pwm have the same commands throughout the '
+        'flight, the others differ: import each from its own column')
+
+
 def refuse_upward(path: Path, upward: float, gravity: float) -> None:
     """Refuse an accelerometer whose mean along the vertical, m/s^2, is not that of gravity."""
     if abs(upward - gravity) <= LARGEST_BIAS:

@@ -19,6 +19,7 @@ from mambo_bags.command import Parser
 from mambo_model.vehicle.motor_mixer import thrust_from_pwm
 from mambo_model.vehicle.parameters import Vehicle
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
 from ..identify import result
@@ -31,8 +32,12 @@ from .recorded import GRAVITY, read_flight, Recorded
 
 AXES = 'xyz'
 USUAL_BIAS = 0.8  # m/s^2, of the accelerometer along z: MPU-6000, at most
+Floats = NDArray[np.float64]
+
 SMALLEST = 1.0  # command at which a vehicle can hover: the maps of vehicle files begin there
 OTHER_MASS = 3.0  # factor between mass and lift; 1.6 to 1.9 with the preset crazyflie on NanoBench
+FLAT = 2.5  # V, of one cell; 3.2 and more in 43 flights of NanoBench, means
+CHARGING = 0.015  # share by which a battery rises in the air; 0.002 at most in those flights
 NO_LAG = 0.01  # [s] of motors, at most; in flights of a Crazyflie 0.02 or more
 METHOD = f'{result.METHOD}; wider where {BLOCKS} parts of the flight disagree (jackknife)'
 
@@ -144,6 +149,24 @@ def _vehicle(
     return out | drag_parameters(found, source)
 
 
+def battery_notes(name: str, volts: Floats) -> list[str]:
+    """Return what is wrong with the voltages of a battery in the air, (n,) V, one line each."""
+    if not len(volts) or not np.isfinite(volts).all():
+        return []
+    if np.ptp(volts) == 0.0:
+        return [f'{name}: the battery shows {volts[0]:.4g} V throughout: it was not measured, and '
+                'exponent, motor lag and inertia hold only if it did not sag']
+    lines, part, mean = [], len(volts) // 5, float(volts.mean())
+    if mean < FLAT:
+        lines.append(f'{name}: the battery shows {mean:.3g} V in the mean, less than one lithium '
+                     'cell has in flight: check its unit and channel')
+    rise = float(volts[-part:].mean() - volts[:part].mean()) if part else 0.0
+    if rise > CHARGING * mean:
+        lines.append(f'{name}: the battery rises by {rise:.2g} V in the air: it is that of another '
+                     'flight or runs backwards, and exponent, motor lag and inertia have its error')
+    return lines
+
+
 def reading_notes(flight: Recorded) -> list[str]:
     """Return how a flight was read where it is not as usual, one line each."""
     lines = []
@@ -160,10 +183,7 @@ def reading_notes(flight: Recorded) -> list[str]:
         lines.append(f'{flight.name}: along the floor the tracked position accelerates {low:.2f} '
                      f'to {high:.2f} times as much as accelerometer and attitude say: check the '
                      'scale of the positions, as drag has its error')
-    volts = flight.voltage[flight.air]
-    if len(volts) and np.isfinite(volts).all() and np.ptp(volts) == 0.0:
-        lines.append(f'{flight.name}: the battery shows {volts[0]:.4g} V throughout: it was not '
-                     'measured, and exponent, motor lag and inertia hold only if it did not sag')
+    lines += battery_notes(flight.name, flight.voltage[flight.air])
     if not flight.has_ground:
         lines.append(f'{flight.name}: it begins and ends in the air: all of it is taken as '
                      'flight, also where it is near the floor')

@@ -170,7 +170,8 @@ def _moment(
                       f'prediction is {share:.2f}, {LEAST_SHARE:g} are needed')
     wide = np.hypot(gain.half / gain.value, slope)
     if not (gain.value > 0.0 and wide < WIDEST):
-        order = ('; is motor_pwm in the order front left, front right, rear right, rear left?'
+        order = ('; is motor_pwm of this flight, and in the order front left, front right, rear '
+                 'right, rear left?'
                  if gain.value < gain.half else '')
         return Moment(None, share, 'the angular acceleration over the commands is '
                       f'{plus_minus(gain.value, gain.half)} 1/m, with a thrust map known to '

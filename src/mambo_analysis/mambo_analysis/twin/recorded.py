@@ -384,6 +384,7 @@ def read_flight(path: Path, namespace: str | None = None) -> Recorded:
                                    ('gyro', 'gyro', 'rad/s')):
             contradictions.refuse_stuck(path, sensor, unit, found[name][air], STEP)
     contradictions.refuse_still_motor(path, found['command'][air])
+    contradictions.refuse_doubled_motor(path, found['command'][air])
     mounting, bias, gain = _mounting(path, found, air)
     found['force'] = found['force'] - [0.0, 0.0, bias]
     known = np.isfinite(found['attitude']).all(axis=1)

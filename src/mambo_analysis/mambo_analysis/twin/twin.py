@@ -180,6 +180,19 @@ def parser() -> Parser:
     return out
 
 
+def unlike_batteries(flights: Sequence[Recorded]) -> list[str]:
+    """Return a note if the batteries of some flights are no more of the same kind."""
+    volts = {flight.name: float(np.nanmean(flight.voltage[flight.air])) for flight in flights
+             if np.isfinite(flight.voltage[flight.air]).any()}
+    if not volts:
+        return []
+    low, high = min(volts, key=volts.__getitem__), max(volts, key=volts.__getitem__)
+    if volts[high] < OTHER_BATTERY * volts[low]:
+        return []
+    return [f'the battery of {low} shows {volts[low]:.3g} V in the mean, that of {high} '
+            f'{volts[high]:.3g} V: check unit and channel, or give flights of one kind of battery']
+
+
 def _work(options: argparse.Namespace) -> None:
     """Predict every flight, print and write the errors."""
     rows = leave_one_out(
@@ -191,6 +204,7 @@ def _work(options: argparse.Namespace) -> None:
     if options.agree:
         more.append(agreement.table(agreement.identified([row.flight for row in rows])))
     notes = [line for row in rows for line in reading_notes(row.flight)]
+    notes += unlike_batteries([row.flight for row in rows])
     if options.json != '-':
         print('\n\n'.join([table(rows, options.horizon), *map(as_text, more)]))
         print(''.join(f'note: {line}\n' for line in notes), end='')
@@ -205,6 +219,8 @@ def _work(options: argparse.Namespace) -> None:
         if options.json != '-':
             print(f'wrote {path}')
 
+
+OTHER_BATTERY = 1.3  # between means of flights: a lithium cell is empty at 3.0 V and full at 4.2
 
 NOTES = (
     'windows begin at recorded states; mean errors at their end',

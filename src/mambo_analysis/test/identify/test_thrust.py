@@ -159,6 +159,26 @@ def test_a_wrong_zero_of_the_scale_is_noted(tmp_path, capsys, zero, noted):
     assert ('check the zero of the scale' in capsys.readouterr().out) == noted
 
 
+@pytest.mark.parametrize('k, factor', [(2, 10.0), (30, 0.1), (-7, 10.0)])
+@pytest.mark.parametrize('repeats', [1, 5])
+def test_a_misread_thrust_is_named(k, factor, repeats):
+    X = np.repeat(np.arange(40.0, 481.0, 12.0), repeats)
+    T = 4.29e-5 * X ** 1.47 * (1.0 + 0.02 * np.random.default_rng(5).standard_normal(len(X)))
+    k = repeats * k % len(X)
+    T[k] *= factor
+    with pytest.raises(IdentifyError, match=f'the thrust at command {X[k]:g} is {T[k]:.4g} N, '):
+        fit_thrust(X, T)
+
+
+def test_commands_in_another_unit_than_those_of_the_base_are_told(tmp_path, capsys):
+    for factor, told in ((1.0, False), (0.2, True), (4.0, True)):
+        file = tmp_path / 'bench.csv'
+        np.savetxt(file, np.stack([factor * COMMANDS, bench(0)], axis=1), header='pwm,thrust',
+                   delimiter=',', comments='')
+        assert main([str(file)]) == 0
+        assert ('times pwm_max = 500 of identified' in capsys.readouterr().out) == told
+
+
 @pytest.mark.parametrize('output', [False, True])
 @pytest.mark.parametrize('X, T, said', [
     (COMMANDS, 1000.0 / 9.81 * bench(0), 'linear_gain = '),  # grams taken for newtons

@@ -65,6 +65,15 @@ def test_a_motor_that_is_not_in_the_recording_is_named():
     c.refuse_still_motor(BAG, np.full((100, 4), 1e4))  # a hover of a model: all are constant
 
 
+def test_a_motor_that_has_the_commands_of_another_is_named():
+    command = 1e4 + 100.0 * np.random.default_rng(0).normal(size=(100, 4))
+    c.refuse_doubled_motor(BAG, command)
+    c.refuse_doubled_motor(BAG, command[:, [0, 1, 1, 0]])  # a model that pitches
+    c.refuse_doubled_motor(BAG, command[:, [0, 0, 0, 0]])
+    with pytest.raises(IdentifyError, match='motors 2 and 4 of motor_pwm have the same commands'):
+        c.refuse_doubled_motor(BAG, command[:, [0, 1, 2, 1]])
+
+
 @pytest.mark.parametrize('upward, hint', [
     (1.0, 'is it in g'), (0.85, 'is it in g'), (G * G, 'imported as g'),
     (-G, 'axes those of FRD'), (G + 2.5, 'check its unit'), (0.0, 'check its unit')])

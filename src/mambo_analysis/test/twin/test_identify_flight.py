@@ -7,7 +7,8 @@ from flown import bag, flight, SPIN, steered, STRAIGHT, table_of, TRUE
 from mambo_analysis.identify.regression import IdentifyError
 from mambo_analysis.twin.force import fit_force
 from mambo_analysis.twin.identify_flight import (
-    command_notes, drag_parameters, hover_command, known_lag, lag_notes, main, reading_notes)
+    battery_notes, command_notes, drag_parameters, hover_command, known_lag, lag_notes, main,
+    reading_notes)
 from mambo_analysis.twin.recorded import GRAVITY
 from mambo_model.vehicle.parameters import load, preset
 import numpy as np
@@ -124,11 +125,11 @@ def test_commands_in_another_unit_than_those_of_the_base_are_told():
         command_notes('flight', 0.556, mambo)
 
 
-@pytest.mark.parametrize('factor, told', [(0.3, True), (0.7, False), (1.5, False), (10.0, True)])
+@pytest.mark.parametrize('factor, told', [(0.4, True), (0.7, False), (1.5, False), (10.0, True)])
 def test_a_mass_that_the_motors_do_not_lift_is_told(factor, told):
     base = preset('crazyflie')
     heavy = replace(base, mass=factor * base.mass)
-    notes = command_notes('flight', 36000.0, heavy)
+    notes = command_notes('flight', 50000.0, heavy)
     assert bool(notes) == told
     assert all(note.endswith('check --mass and --base') for note in notes)
 
@@ -160,6 +161,16 @@ def test_a_battery_that_never_changes_is_told():
         reading_notes(constant))
     absent = plain._replace(voltage=np.full_like(plain.voltage, np.nan))
     assert not any('battery' in line for line in reading_notes(absent))
+
+
+@pytest.mark.parametrize('volts, said', [
+    (np.linspace(4.1, 3.4, 100), ''), (np.linspace(3.4, 3.42, 100), ''),
+    (np.linspace(1.9, 1.7, 100), 'shows 1.8 V in the mean, less than one lithium cell'),
+    (np.linspace(3.4, 3.7, 100), 'rises by 0.24 V in the air: it is that of another flight'),
+    (np.full(3, np.nan), ''), (np.array([3.5, 3.4]), '')])
+def test_a_battery_that_no_vehicle_flies_with_is_told(volts, said):
+    notes = battery_notes('flight', volts)
+    assert len(notes) == bool(said) and all(said in line for line in notes)
 
 
 @pytest.mark.parametrize(('bias', 'told'), [(0.5, False), (1.99, True), (-1.2, True)])

@@ -5,11 +5,12 @@ from pathlib import Path
 import shutil
 from typing import NamedTuple
 
-from flown import bag, steered, table_of
+from flown import bag, flight, steered, table_of
 from mambo_analysis.importers.any_table import import_table, shipped
 from mambo_analysis.twin.loop import Flown
 from mambo_analysis.twin.motors import MotorWindows
-from mambo_analysis.twin.twin import as_json, as_text, leave_one_out, main, Row, table, translation
+from mambo_analysis.twin.twin import (
+    as_json, as_text, leave_one_out, main, Row, table, translation, unlike_batteries)
 from mambo_analysis.twin.windows import Windows
 import numpy as np
 import pytest
@@ -109,6 +110,17 @@ def test_motors_loop_and_page(tmp_path, capsys):
 
 
 @pytest.mark.long
+def test_flights_on_unlike_batteries_are_told():
+    def on(name, volts):
+        plain = flight(0)
+        return plain._replace(name=name, voltage=np.full_like(plain.voltage, volts))
+    known = [on('full', 4.0), on('used', 3.3), on('none', np.nan)]
+    assert unlike_batteries(known) == [] == unlike_batteries(known[2:])
+    assert unlike_batteries([*known, on('half', 1.75)]) == [
+        'the battery of half shows 1.75 V in the mean, that of full 4 V: check unit and channel, '
+        'or give flights of one kind of battery']
+
+
 def test_a_loop_needs_a_reference(tmp_path, capsys):
     assert main([*bags(tmp_path), '--loop']) == 2
     assert 'no reference (onboard/reference) in' in capsys.readouterr().err
