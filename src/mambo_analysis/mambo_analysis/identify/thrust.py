@@ -30,7 +30,7 @@ Floats = NDArray[np.float64]
 
 METHOD = 'intervals of 95 %: least squares of independent readings, Student t'
 LIFT = (1.0, 6.0)  # largest thrust of four motors over the weight, of what flies; the Mambo 2.6
-STRAY = 2.0  # factor by which a thrust is misread; 1.06 on a real bench
+STRAY = 2.0  # factor by which a thrust is misread; 1.03 at most on a real bench
 REACH = (0.5, 1.5)  # largest command of a bench over the limit of the base; 0.96 on a real one
 USUAL = (1.0, 2.5)  # exponent of the map of a rotor: 1.47 in the thesis
 THESIS = (4.29e-5, 1.47)  # a [N] and b of (4.5), sec. 4.4.2

@@ -162,8 +162,9 @@ def battery_notes(name: str, volts: Floats) -> list[str]:
                      'cell has in flight: check its unit and channel')
     rise = float(volts[-part:].mean() - volts[:part].mean()) if part else 0.0
     if rise > CHARGING * mean:
-        lines.append(f'{name}: the battery rises by {rise:.2g} V in the air: it is that of another '
-                     'flight or runs backwards, and exponent, motor lag and inertia have its error')
+        lines.append(f'{name}: the battery rises by {rise:.2g} V in the air: it is that of another'
+                     ' flight or runs backwards, and exponent, motor lag and inertia have its '
+                     'error')
     return lines
 
 

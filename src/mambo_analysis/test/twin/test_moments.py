@@ -82,8 +82,8 @@ def test_commands_that_explain_too_little_are_refused_with_the_number():
 def test_motors_in_another_order_are_suspected():
     one = noisy(0)
     found = found_in(one._replace(command=one.command[:, [1, 2, 3, 0]]))
-    assert any('is motor_pwm of this flight, and in the order front left, front right, rear right, rear left?'
-               in moment.hidden for moment in found.values())
+    assert any('is motor_pwm of this flight, and in the order front left, front right, rear '
+               'right, rear left?' in moment.hidden for moment in found.values())
     assert not any('order' in moment.hidden for moment in found_in(one).values())
 
 

@@ -5,7 +5,8 @@ from pathlib import Path
 import shutil
 from typing import NamedTuple
 
-from flown import bag, flight, steered, table_of
+import flown
+from flown import bag, steered, table_of
 from mambo_analysis.importers.any_table import import_table, shipped
 from mambo_analysis.twin.loop import Flown
 from mambo_analysis.twin.motors import MotorWindows
@@ -112,7 +113,7 @@ def test_motors_loop_and_page(tmp_path, capsys):
 @pytest.mark.long
 def test_flights_on_unlike_batteries_are_told():
     def on(name, volts):
-        plain = flight(0)
+        plain = flown.flight(0)
         return plain._replace(name=name, voltage=np.full_like(plain.voltage, volts))
     known = [on('full', 4.0), on('used', 3.3), on('none', np.nan)]
     assert unlike_batteries(known) == [] == unlike_batteries(known[2:])
