@@ -22,6 +22,7 @@ SAME_TURN = 0.5      # rad, tolerance for one assignment: true rotation during t
 SAME_SHIFT = 0.3     # m, tolerance for one assignment: true motion during the jumps
 MOST = 0.5           # [-] share of jumps or impossible poses above which a recording is unusable
 LEAST_POSES = 10     # in a recording whose share of jumps is judged
+LONG = 2.0           # s of rejected poses on end that are told with their times
 MAX_ASSIGNMENTS = 100  # a tracker has a few; in noise every pose would make another
 
 
@@ -130,3 +131,26 @@ def describe(name: str, count: int) -> str:
     """Return a line that reports rejected poses."""
     return (f'{name}: {count} impossible pose{"s" * (count != 1)} left out, reached {_limits()}: '
             'mixed-up markers, or wrong times or units')
+
+
+def describe_long(name: str, times: Floats, wrong: Bools) -> list[str]:
+    """
+    Return a line on rejected poses that go on for ``LONG``, which mixed-up markers seldom do.
+
+    Parameters
+    ----------
+    name
+        Of the topic.
+    times : (n,) s
+        Of all poses, ascending.
+    wrong : (n,)
+        Which are rejected.
+
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], wrong, [False]]).astype(int)))
+    begins, ends = times[edges[::2]], times[edges[1::2] - 1]
+    if not len(begins) or (ends - begins).max() < LONG:
+        return []
+    k = int((ends - begins).argmax())
+    return [f'{name}: all poses from t = {begins[k]:.2f} to {ends[k]:.2f} s are among them: the '
+            'recording jumps there; was it cut, or is it of two takes?']

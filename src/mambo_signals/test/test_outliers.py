@@ -118,6 +118,18 @@ def test_rejected_poses_are_reported_in_one_line(count, words):
     assert '2005 deg/s or 30 m/s' in message
 
 
+def test_rejected_poses_on_end_are_told_with_their_times():
+    times = 0.01 * np.arange(1000)
+    wrong = np.zeros(1000, bool)
+    wrong[::97] = True
+    assert outliers.describe_long('pose', times, wrong) == []
+    wrong[600:] = True
+    assert outliers.describe_long('pose', times, wrong) == [
+        'pose: all poses from t = 6.00 to 9.99 s are among them: the recording jumps there; was '
+        'it cut, or is it of two takes?']
+    assert outliers.describe_long('pose', times, np.zeros(1000, bool)) == []
+
+
 @pytest.mark.long
 def test_poses_that_all_jump_are_sorted_in_bounded_time():
     rng = np.random.default_rng(0)

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from .checks import bag_doubts, extrapolated, plausible
+from .checks import bag_doubts, extrapolated, plausible, slips
 from .common import (
     importer_parser, LONGEST, NAMESPACE, new_samples, provenance, Publisher, read_source, report,
     stamps_ns, unused)
@@ -243,13 +243,16 @@ class _Rows:
     def _optitrack_pose(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:
         position, turn = self._pose(topic, found, usable)
         rows = np.flatnonzero(usable)
+        times = self.times['optitrack/pose'][rows]
         still, wrong = plausible.doubtful_poses(
-            f'{self.path}: optitrack/pose', self.times['optitrack/pose'][rows], position[rows],
-            turn[rows])
+            f'{self.path}: optitrack/pose', times, position[rows], turn[rows])
         for doubtful, about in ((still, frozen), (wrong, outliers)):
             if doubtful.any():
                 usable[rows[doubtful]] = False
                 self.notes.append(about.describe('optitrack/pose', int(doubtful.sum())))
+        good = ~(still | wrong)
+        self.notes += [*outliers.describe_long('optitrack/pose', times[~still], wrong[~still]),
+                       *slips.describe('optitrack/pose', times[good], position[rows[good]])]
         return lambda row: {'pose': out.pose(position[row].tolist(), turn[row].tolist())}
 
     def _onboard_odom(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:

@@ -82,7 +82,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from .checks import crazyflie_doubts, plausible
+from .checks import crazyflie_doubts, plausible, slips
 from .common import (
     estimator_parameters, importer_parser, is_sound, LONGEST, NAMESPACE, new_samples, provenance,
     Publisher, read_source, refuse_options, report, Source, stamps_ns, unused)
@@ -671,6 +671,9 @@ def import_crazyflie(
                        'motion capture as it is, or none to leave it out')
     if doubts:
         details['mocap_taken_as_it_is'] = '; '.join(doubts)
+    if offset is not None and (slip := slips.describe(
+            'motion capture', log.mocap[:, 0] + offset, log.mocap[:, 1:4])):
+        details['mocap_slip'] = slip[0]
     if log.has('a_z') and (unusual := plausible.unusual('a_z', 'accel', log.drone['a_z'][1])):
         details['accelerometer'] = unusual[0]
     record = provenance(source.name, file.sha256, 'import_crazyflie', 'Crazyflie JSON log', {

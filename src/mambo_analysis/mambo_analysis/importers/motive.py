@@ -46,7 +46,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from .checks import plausible
+from .checks import plausible, slips
 from .common import (
     importer_parser, LARGEST, LONGEST, number, provenance, Publisher, quoted, read_source, report,
     shortened, Source, stamps_ns, unused)
@@ -377,6 +377,7 @@ def import_motive(
     still, wrong = plausible.doubtful_poses(f'{source}: {TOPIC}', times, position, attitude)
     good = ~(still | wrong)
     frames, lost, impossible = len(take.times), int((~take.seen).sum()), int(wrong.sum())
+    long = outliers.describe_long(TOPIC, times[~still], wrong[~still])
     times, position, attitude = times[good], position[good], attitude[good]
     notes = [f'{TOPIC}: {lost} of {frames} frames have no pose of {quoted(take.body)} and are '
              'left out'] if lost else []
@@ -384,6 +385,7 @@ def import_motive(
               ] if take.zeros else []
     notes += [frozen.describe(TOPIC, int(still.sum()))] if still.any() else []
     notes += [outliers.describe(TOPIC, impossible)] if impossible else []
+    notes += [*long, *slips.describe(TOPIC, times, position)]
     details: dict[str, Any] = {
         'body': take.body, 'up': up, 'nose_rad': nose, 'frames': frames, 'frames_lost': lost,
         **({'poses_frozen': int(still.sum())} if still.any() else {}),

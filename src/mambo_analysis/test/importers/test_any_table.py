@@ -130,6 +130,15 @@ def test_impossible_poses_are_left_out(tmp_path):
     assert '3 impossible poses left out' in notes[0]
 
 
+def test_a_position_that_slips_is_told(tmp_path):
+    data = frame()
+    data.loc[25:, 'x'] += 10.0  # cm
+    source, mapping = files(tmp_path, data)
+    _, notes = import_table(source, tmp_path / 'bag', mapping)
+    assert 'optitrack/pose: the position moves by 0.10' in ''.join(
+        notes)
+
+
 def test_frozen_poses_are_left_out_and_those_on_both_sides_stay(tmp_path):
     data = frame()
     pose = ['x', 'y', 'z', 'qw', 'qx', 'qy', 'qz']
