@@ -152,10 +152,11 @@ def _with_natnet(
     if options.mode == 'lockstep':
         raise schema.ParameterError(
             '--natnet needs --mode realtime, its default: it serves poses by the wall clock')
-    if options.composed or 'optitrack' in options.without:
-        raise schema.ParameterError(
-            '--natnet serves drones with their nodes as processes: leave out --composed and '
-            '--without optitrack')
+    for given, option in ((options.composed, '--composed'),
+                          ('optitrack' in options.without, '--without optitrack')):
+        if given:
+            raise schema.ParameterError('--natnet serves drones with their nodes as processes: '
+                                        f'leave out {option}')
     return natnet.scenario(flight)
 
 

@@ -71,8 +71,8 @@ def test_natnet_needs_real_time_and_processes(capsys):
     for words in (['--composed'], ['--without', 'optitrack']):
         with pytest.raises(SystemExit, match='2'):
             run('--natnet', *words)
-        assert 'run: --natnet serves drones with their nodes as processes' in (
-            capsys.readouterr().err)
+        assert ('run: --natnet serves drones with their nodes as processes: leave out '
+                f'{" ".join(words)}\n') in capsys.readouterr().err
     with pytest.raises(SystemExit, match='2'):
         run('--natnet', '--mode', 'lockstep')
     assert 'run: --natnet needs --mode realtime, its default' in capsys.readouterr().err

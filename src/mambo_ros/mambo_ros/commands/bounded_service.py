@@ -19,7 +19,7 @@ MOST = 1000
 """Parameters in a request; reading a thousand takes a control step or two."""
 MOST_PREFIXES = 20
 """Prefixes in a request for a list; each is compared with all parameters of the node."""
-LARGEST = 1_000_000
+LARGEST = 100_000
 """Characters and elements of arrays in a request; reading them takes a control step or two."""
 WAITING = 10
 """Requests that wait for a service, as for other services of ROS; of those for parameters rclpy
