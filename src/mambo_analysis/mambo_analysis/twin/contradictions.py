@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..identify.regression import IdentifyError
+from ..importers.checks import plausible
 
 Floats = NDArray[np.float64]
 
@@ -92,13 +93,10 @@ def refuse_still_motor(path: Path, command: Floats) -> None:
 
 def refuse_doubled_motor(path: Path, command: Floats) -> None:
     """Refuse commands (n, 4) of which two columns are the same and the others are not."""
-    if len(np.unique(command, axis=1).T) != 3:  # a model moves in a plane: two and two
-        return
-    a, b = next((a, b) for a in range(4) for b in range(a + 1, 4)
-                if np.array_equal(command[:, a], command[:, b]))
-    raise IdentifyError(
-        f'{path}: motors {a + 1} and {b + 1} of motor_pwm have the same commands throughout the '
-        'flight, the others differ: import each from its own column')
+    if (two := plausible.doubled(command)) is not None:
+        raise IdentifyError(
+            f'{path}: motors {two[0] + 1} and {two[1] + 1} of motor_pwm have the same commands '
+            'throughout the flight, the others differ: import each from its own column')
 
 
 def refuse_upward(path: Path, upward: float, gravity: float) -> None:

@@ -32,7 +32,7 @@ TILTED = 0.5  # [rad] of its mean in the world from the vertical; accelerometers
 CLIMB = 0.3  # [m] of the height, between its 5 and 95 %, that a range must show
 REACH = 0.98  # [-] of the largest range, beyond which it may be the end of the reach
 SHOWN = 0.2  # [-] of it that a range shows at least
-LEAST_VOLTS = 1.0  # of a battery: one cell has 3 V or more
+LEAST_VOLTS = 2.5  # of a battery in flight: one cell has 3 V or more
 SHARES = 1.0  # the largest command of a mapping to shares of the full one
 FARTHEST = 5.0  # [m] median distance of drone and reference
 LONGEST_PAUSE = 600.0  # [s] between two messages
@@ -327,5 +327,8 @@ def _single(bag: Bag) -> list[str]:
             motor = int(np.argmax(still))
             out.append(f'motor_pwm: motor {motor + 1} has the command {commands[0, motor]:.4g} '
                        'throughout, while others change: check its column')
+        elif (two := plausible.doubled(commands)) is not None:
+            out.append(f'motor_pwm: motors {two[0] + 1} and {two[1] + 1} have the same commands '
+                       'throughout, the others differ: check their columns')
     return out + [f'{_short(topic)}: it has one message: nothing can be seen of a motion'
                   for topic in bag.topics if len(bag[topic]) == 1]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from . import motion_doubts
+from . import motion_doubts, plausible
 from ..crazyflie_names import GOAL, GYRO, MOTORS, ODOMETRY, RATES
 
 if TYPE_CHECKING:
@@ -66,6 +66,11 @@ def unusual(log: Log) -> list[str]:
         lines.append(
             f'motor_pwm: the commands are up to {most:.4g}, not up to 65535: check their unit '
             'before you use them' if most else 'motor_pwm: the commands are 0 throughout')
+    if log.has(*MOTORS):
+        commands = log.at(log.drone[MOTORS[0]][0], *MOTORS)
+        if (two := plausible.doubled(commands[np.isfinite(commands).all(axis=1)])) is not None:
+            lines.append(f'motor_pwm: {MOTORS[two[0]]} and {MOTORS[two[1]]} are the same '
+                         'throughout, the others differ: check their columns')
     if log.has('n_x', 'n_y'):
         most = max(np.percentile(np.abs(log.drone[name][1]), 99.0) for name in ('n_x', 'n_y'))
         if not any(log.drone[name][1].any() for name in ('n_x', 'n_y')):

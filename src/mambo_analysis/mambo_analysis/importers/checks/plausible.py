@@ -419,6 +419,17 @@ def correlations(values: Floats, other: Floats) -> Floats:
     return x.T @ y / len(x)
 
 
+def doubled(commands: Floats) -> tuple[int, int] | None:
+    """
+    Return two motors, from 0, with the same commands, (n, 4), where the others differ from all.
+
+    None without, and where two and two are the same: those of a model that moves in a plane.
+    """
+    same = [(a, b) for a in range(4) for b in range(a + 1, 4)
+            if np.array_equal(commands[:, a], commands[:, b])]
+    return same[0] if len(same) == 1 else None
+
+
 def other_axis(alike: Floats, own: int, names: Sequence[str]) -> str:
     """
     Return which axis a signal shows, with its sign, if not its own; else an empty text.

@@ -177,6 +177,17 @@ def test_commands_in_another_unit_are_told(tmp_path, pwm, line):
     assert [text[:len(line)] for text in found] == [line] * bool(line)
 
 
+def test_two_motors_with_the_same_commands_are_told(tmp_path):
+    with BagWriter(tmp_path / 'bag') as writer:
+        out = Publisher(writer, {'motor_pwm': 'mambo_interfaces/msg/MotorPwm'})
+        for k in range(50):
+            out.publish('motor_pwm', 10_000_000 * k, '', pwm=np.array(
+                [300.0 + k, 300.0 - k, 290.0 + k % 2, 300.0 - k]))
+    assert bag_doubts.doubts(read_bag(tmp_path / 'bag')) == [
+        'motor_pwm: motors 2 and 4 have the same commands throughout, the others differ: check '
+        'their columns']
+
+
 def test_one_motor_that_stands_is_told(tmp_path):
     with BagWriter(tmp_path / 'bag') as writer:
         out = Publisher(writer, {'motor_pwm': 'mambo_interfaces/msg/MotorPwm'})

@@ -48,6 +48,7 @@ def test_nothing_is_said_about_real_flights(path):
     ({f'p_{x}_des': f'p_{x}_des' for x in 'xyz'}, 1000.0, [
         'onboard/reference: the goals are ']),
     ({f'm_{k}': f'm_{k}' for k in (1, 2, 3, 4)}, 0.01, ['motor_pwm: the commands are up to 655']),
+    ({'m_1': 'm_3'}, 1.0, ['motor_pwm: m_1 and m_3 are the same throughout, the others differ']),
 ])
 def test_each_part_that_was_changed_is_told(path, names, factor, said):
     found = unusual(changed(path, names, factor))
