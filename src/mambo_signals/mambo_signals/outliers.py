@@ -14,7 +14,7 @@ from mambo_bags.mcap_reader import BagError
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from .resample import Bools, Floats, Ints
+from .resample import Bools, Floats, Ints, runs
 
 FASTEST_TURN = 35.0  # rad/s, 2000 deg/s: the full scale of the gyros of small drones
 FASTEST = 30.0       # m/s
@@ -147,10 +147,9 @@ def describe_long(name: str, times: Floats, wrong: Bools) -> list[str]:
         Which are rejected.
 
     """
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], wrong, [False]]).astype(int)))
-    begins, ends = times[edges[::2]], times[edges[1::2] - 1]
-    if not len(begins) or (ends - begins).max() < LONG:
+    spans = [(times[first], times[end - 1]) for first, end in runs(wrong)]
+    first, last = max(spans, key=lambda span: span[1] - span[0], default=(0.0, 0.0))
+    if last - first < LONG:
         return []
-    k = int((ends - begins).argmax())
-    return [f'{name}: all poses from t = {begins[k]:.2f} to {ends[k]:.2f} s are among them: the '
+    return [f'{name}: all poses from t = {first:.2f} to {last:.2f} s are among them: the '
             'recording jumps there; was it cut, or is it of two takes?']

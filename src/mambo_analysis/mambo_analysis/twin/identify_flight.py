@@ -25,6 +25,7 @@ from scipy import stats
 from ..identify import result
 from ..identify.base import Base, based, of_bag
 from ..identify.regression import IdentifyError, LEVEL, Value
+from ..importers.checks.bag_doubts import LEAST_VOLTS
 from .contradictions import SCALE
 from .force import BLOCKS, fit_force, Found
 from .moments import fit_moments, Moment
@@ -36,7 +37,6 @@ Floats = NDArray[np.float64]
 
 SMALLEST = 1.0  # command at which a vehicle can hover: the maps of vehicle files begin there
 OTHER_MASS = 3.0  # factor between mass and lift; 1.6 to 1.9 with the preset crazyflie on NanoBench
-FLAT = 2.5  # V, of one cell; 3.2 and more in 43 flights of NanoBench, means
 CHARGING = 0.015  # share by which a battery rises in the air; 0.002 at most in those flights
 NO_LAG = 0.01  # [s] of motors, at most; in flights of a Crazyflie 0.02 or more
 METHOD = f'{result.METHOD}; wider where {BLOCKS} parts of the flight disagree (jackknife)'
@@ -157,7 +157,7 @@ def battery_notes(name: str, volts: Floats) -> list[str]:
         return [f'{name}: the battery shows {volts[0]:.4g} V throughout: it was not measured, and '
                 'exponent, motor lag and inertia hold only if it did not sag']
     lines, part, mean = [], len(volts) // 5, float(volts.mean())
-    if mean < FLAT:
+    if mean < LEAST_VOLTS:
         lines.append(f'{name}: the battery shows {mean:.3g} V in the mean, less than one lithium '
                      'cell has in flight: check its unit and channel')
     rise = float(volts[-part:].mean() - volts[:part].mean()) if part else 0.0

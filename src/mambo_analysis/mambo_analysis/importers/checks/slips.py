@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 BESIDE = 5    # frames on each side that say how far is usual
-LEAST = 0.02  # m; in 107 real takes there is no step as long that stays
+LEAST = 0.02  # m; in some 130 real takes there is no step as long that stays
 FAR = 10.0    # times the usual scatter of the steps beside
 STAYS = 0.7   # share of the step between positions BESIDE frames before and after
 CLOSE = 1.5   # median periods between frames that count as neighbours
