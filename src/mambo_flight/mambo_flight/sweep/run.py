@@ -128,7 +128,10 @@ def _spread(flights: Numbered, left: Sequence[int], ideal: bool, executor: Execu
         while True:
             while len(under_way) < AHEAD * count and (numbers := next(todo, None)):
                 scenarios = [flights[number] for number in numbers]
-                future = executor.submit(fly_packed, sweep, packed(scenarios), ideal)
+                try:
+                    future = executor.submit(fly_packed, sweep, packed(scenarios), ideal)
+                except BrokenProcessPool as error:  # a worker was killed since the last result
+                    raise _ended(error, scenarios) from None
                 under_way[future] = (numbers, scenarios)
             if not under_way:
                 return
@@ -145,9 +148,14 @@ def _result(future: Future, flights: Sequence[Scenario]) -> list[dict[str, Any]]
     try:
         return future.result()
     except Exception as error:  # a remote worker may raise anything
-        if not (isinstance(error, BrokenProcessPool) or type(error).__name__ == 'KilledWorker'):
-            text = ' '.join(f'{type(error).__name__}: {error}'.split())
-            raise SweepEndedError(f'a worker failed: {text}; {KEPT}') from None
-        own = sorted({str(part.path) for flight in flights for part in own_components(flight)})
-        cause = f', perhaps by code of {" or ".join(own)}' if own else ''
-        raise SweepEndedError(f'a worker was killed{cause}; {KEPT}') from None
+        raise _ended(error, flights) from None
+
+
+def _ended(error: Exception, flights: Sequence[Scenario]) -> SweepEndedError:
+    """Return what ends a sweep whose batch of flights ended in an error."""
+    if not (isinstance(error, BrokenProcessPool) or type(error).__name__ == 'KilledWorker'):
+        text = ' '.join(f'{type(error).__name__}: {error}'.split())
+        return SweepEndedError(f'a worker failed: {text}; {KEPT}')
+    own = sorted({str(part.path) for flight in flights for part in own_components(flight)})
+    cause = f', perhaps by code of {" or ".join(own)}' if own else ''
+    return SweepEndedError(f'a worker was killed{cause}; {KEPT}')

@@ -353,6 +353,16 @@ def test_a_killed_worker_names_the_files_whose_code_it_ran(tmp_path):
         run_module._result(lost, [flight])
 
 
+def test_a_worker_killed_before_a_batch_is_submitted_is_told_alike():
+    class Broken:
+        def submit(self, *_):
+            raise BrokenProcessPool
+
+    flights = [scenario(duration=1.0)]
+    with pytest.raises(SweepEndedError, match='a worker was killed; finished'):
+        run_module._spread(flights, [0], True, Broken(), 1, None, None)
+
+
 def test_a_sweep_without_a_worker_ends_with_what_is_finished(monkeypatch):
     monkeypatch.setattr(run_module, 'LOOK', 0.01)
     monkeypatch.setattr(run_module, 'WORKERLESS', 0.1)
