@@ -69,6 +69,23 @@ def test_one_axis_in_another_unit_is_told():
     assert gain == pytest.approx(1.0 / 57.3, rel=0.1)
 
 
+@pytest.mark.parametrize('angle', [0.35, -0.35])
+def test_axes_turned_about_the_vertical_are_measured(angle):
+    t, gyro, times, q = turning()
+    askew = (Rotation.from_quat(q) * Rotation.from_rotvec([0.0, 0.0, angle])).as_quat()
+    found = gyro_check.compare(t, gyro, times, askew)
+    gyro_check.refuse(found)
+    assert gyro_check.askew(found) == pytest.approx(angle, abs=0.03)
+    assert abs(gyro_check.askew(gyro_check.compare(t, gyro, times, q))) < 0.03
+
+
+def test_another_turning_has_no_angle_between_the_axes():
+    t, gyro, times, q = turning()
+    assert gyro_check.askew(None) == 0.0
+    assert gyro_check.askew(gyro_check.compare(t, gyro[::-1], times, q)) == 0.0
+    assert gyro_check.askew(gyro_check.compare(*turning(size=1e-3))) == 0.0
+
+
 def test_what_hardly_turns_shows_nothing_wrong():
     """A hover: what a tracked attitude shows then is its noise."""
     t, gyro, times, q = turning(size=1e-3)

@@ -18,6 +18,7 @@ from mambo_bags.cli.option_types import real
 from mambo_bags.command import Parser
 from mambo_model.vehicle.motor_mixer import thrust_from_pwm
 from mambo_model.vehicle.parameters import Vehicle
+from mambo_signals.gyro_check import ASKEW
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
@@ -179,11 +180,16 @@ def reading_notes(flight: Recorded) -> list[str]:
         lines.append(f'{flight.name}: the accelerometer is {flight.bias:+.2g} m/s^2 off along z, '
                      f'usual are {USUAL_BIAS:g} at most: check its scale, as drag and thrust have '
                      'its error')
-    low, high = flight.gain
-    if not (low <= SCALE[1] and high >= SCALE[0]):
-        lines.append(f'{flight.name}: along the floor the tracked position accelerates {low:.2f} '
-                     f'to {high:.2f} times as much as accelerometer and attitude say: check the '
-                     'scale of the positions, as drag has its error')
+    for axis, (low, high), (least, most) in zip(AXES, flight.gain, SCALE):
+        if not (low <= most and high >= least):
+            lines.append(f'{flight.name}: along {axis} of the world the tracked position '
+                         f'accelerates {low:.2f} to {high:.2f} times as much as accelerometer and '
+                         'attitude say: check the scales of both, as drag and thrust have their '
+                         'error')
+    if abs(flight.askew) > ASKEW:
+        lines.append(f'{flight.name}: the axes of the tracked body are turned by '
+                     f'{np.degrees(flight.askew):.0f} deg about z against those of the gyro: '
+                     'check how its rigid body was made, as drag and inertia have its error')
     lines += battery_notes(flight.name, flight.voltage[flight.air])
     if not flight.has_ground:
         lines.append(f'{flight.name}: it begins and ends in the air: all of it is taken as '

@@ -105,8 +105,11 @@ class Recorded(NamedTuple):
         Of the poses against the gyro, s, which is taken out of their stamps.
     has_ground
         Whether the recording shows the vehicle on the ground.
-    gain
-        Of the tracked acceleration along the floor over that of ``force``, lowest and highest.
+    gain : (3, 2)
+        Of the tracked acceleration along x, y, z of the world over that of ``force``, lowest and
+        highest.
+    askew : rad
+        Angle about z from the axes of the gyro to those of the tracked body.
     unused
         Time in the air outside of ``air``, s: in other stretches, long enough to be a flight.
 
@@ -130,7 +133,8 @@ class Recorded(NamedTuple):
     late: float = 0.0
     has_ground: bool = True
     unused: float = 0.0
-    gain: tuple[float, float] = (1.0, 1.0)
+    gain: Floats = np.ones((3, 2))
+    askew: float = 0.0
 
     @property
     def turn(self) -> Rotation:
@@ -169,11 +173,11 @@ def _onboard(bag: Bag, t: Floats) -> Onboard | None:
 
 def _mounting(
     path: Path, found: dict[str, Floats], air: slice,
-) -> tuple[Floats, float, tuple[float, float]]:
+) -> tuple[Floats, float, Floats]:
     r"""
     Return the rotation vector r from the inertial sensor to the markers, and its bias along z.
 
-    And the gain along the floor that is left (:func:`.contradictions.horizontal_gain`).
+    And the gains that are left (:func:`.contradictions.gains`).
 
     Least squares over stretches of the flight, R being the attitude of the markers:
     :math:`\\overline{R f} + \\overline{R (r \\times f)} - b \\overline{R e_3} - g e_3
@@ -184,7 +188,7 @@ def _mounting(
     rotation : (3,) rad
         With r_z = 0.
     bias : m/s^2
-    gain
+    gains : (3, 2)
 
     Raises
     ------
@@ -215,7 +219,7 @@ def _mounting(
     contradictions.refuse_steep(path, mounting)
     turned += (columns @ r).reshape(-1, 3)
     contradictions.refuse_other_motion(path, turned, change)
-    return mounting, bias, contradictions.horizontal_gain(turned, change)
+    return mounting, bias, contradictions.gains(turned, change)
 
 
 def bias_doubt(mounting: Floats) -> float:
@@ -322,9 +326,15 @@ def _rows(path: Path, found: dict[str, Floats]) -> _Rows:
     return _Rows(air, rest, has_ground, unused)
 
 
-def _late(bag: Bag, track: motion.Motion, air: Floats) -> float:
+def _beside_gyro(bag: Bag, track: motion.Motion, air: Floats) -> tuple[float, float]:
     """
-    Return how late poses are against the gyro, s, in the air at times (n,) s.
+    Return how poses are beside the gyro, in the air at times (n,) s.
+
+    Returns
+    -------
+    late : s
+    askew : rad
+        Of the tracked axes, about z.
 
     Raises
     ------
@@ -341,13 +351,13 @@ def _late(bag: Bag, track: motion.Motion, air: Floats) -> float:
     except AlignError as error:
         raise IdentifyError(f'{bag.path}: {error}') from None
     if turning is None:
-        return 0.0
+        return 0.0, 0.0
     if abs(turning.late) > LATEST:
         raise IdentifyError(
             f'{bag.path}: the poses are {abs(turning.late):.2g} s or more '
             f'{"late" if turning.late > 0.0 else "early"} against the gyro: the clocks differ; '
             'align them with mambo join')
-    return turning.late
+    return turning.late, gyro_check.askew(turning)
 
 
 def read_flight(path: Path, namespace: str | None = None) -> Recorded:
@@ -373,7 +383,7 @@ def read_flight(path: Path, namespace: str | None = None) -> Recorded:
     track = _motion(bag)
     found = _grid(bag, track)
     rows = _rows(path, found)
-    late = _late(bag, track, found['t'][rows.air])
+    late, askew = _beside_gyro(bag, track, found['t'][rows.air])
     if abs(late) > LATE:
         track = dataclasses.replace(track, stamps=track.stamps - round(late * 1e9))
         found = _grid(bag, track)
@@ -392,4 +402,4 @@ def read_flight(path: Path, namespace: str | None = None) -> Recorded:
                                 * Rotation.from_rotvec(mounting)).as_quat()
     return Recorded(path.name, **found, **rows._asdict(), mounting=mounting,
                     has_flow='optical_flow' in bag, onboard=_onboard(bag, found['t']), bias=bias,
-                    gain=gain, late=late if abs(late) > LATE else 0.0)
+                    gain=gain, askew=askew, late=late if abs(late) > LATE else 0.0)

@@ -134,15 +134,27 @@ def test_a_mass_that_the_motors_do_not_lift_is_told(factor, told):
     assert all(note.endswith('check --mass and --base') for note in notes)
 
 
+@pytest.mark.parametrize('axis', range(3))
 @pytest.mark.parametrize('gain, told', [
-    ((0.95, 1.02), False), ((0.85, 0.94), False), ((0.85, 0.92), True), ((1.08, 1.2), True),
+    ((0.95, 1.02), False), ((0.85, 0.94), False), ((0.7, 0.84), True), ((1.16, 1.2), True),
     ((0.0, np.inf), False)])
-def test_positions_of_another_scale_are_told(gain, told):
-    notes = reading_notes(flight(0)._replace(gain=gain))
-    assert [line for line in notes if 'check the scale of the positions' in line] == [
-        f'{flight(0).name}: along the floor the tracked position accelerates {gain[0]:.2f} to '
-        f'{gain[1]:.2f} times as much as accelerometer and attitude say: check the scale of the '
-        'positions, as drag has its error'] * told
+def test_positions_of_another_scale_are_told(axis, gain, told):
+    gains = np.ones((3, 2))
+    gains[axis] = gain
+    notes = reading_notes(flight(0)._replace(gain=gains))
+    assert [line for line in notes if 'of the world' in line] == [
+        f'{flight(0).name}: along {"xyz"[axis]} of the world the tracked position accelerates '
+        f'{gain[0]:.2f} to {gain[1]:.2f} times as much as accelerometer and attitude say: check '
+        'the scales of both, as drag and thrust have their error'] * told
+
+
+@pytest.mark.parametrize('angle, told', [(0.2, False), (0.35, True), (-0.35, True)])
+def test_markers_turned_about_the_vertical_are_told(angle, told):
+    notes = reading_notes(flight(0)._replace(askew=angle))
+    assert [line for line in notes if 'about z' in line] == [
+        f'{flight(0).name}: the axes of the tracked body are turned by {np.degrees(angle):.0f} '
+        'deg about z against those of the gyro: check how its rigid body was made, as drag and '
+        'inertia have its error'] * told
 
 
 def test_a_thrust_without_the_lag_of_the_base_is_told():

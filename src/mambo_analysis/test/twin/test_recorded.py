@@ -5,6 +5,7 @@ from pathlib import Path
 
 from flown import bag, flight, MAP, MOUNTING
 from mambo_analysis.identify.regression import IdentifyError
+from mambo_analysis.importers.any_table import import_table, shipped
 from mambo_analysis.importers.checks import plausible
 from mambo_analysis.twin import contradictions
 from mambo_analysis.twin.force import fit_force
@@ -13,6 +14,9 @@ from mambo_analysis.twin.recorded import bias_doubt, GRAVITY, read_flight
 import numpy as np
 import pandas
 import pytest
+
+NANOBENCH = Path(__file__).parents[4] / '../shared/data/nanobench'
+
 
 @pytest.mark.long
 def test_air_rest_and_mounting(tmp_path):
@@ -284,3 +288,20 @@ def test_a_bias_along_x_changes_that_along_z_in_second_order_only(tmp_path):
     angle = np.hypot(*found.mounting[:2])
     assert bias_doubt(found.mounting) == pytest.approx(0.25 * GRAVITY * angle ** 2)
     assert abs(found.bias) < bias_doubt(found.mounting) + 5e-3 < 0.02
+
+
+@pytest.mark.skipif(not NANOBENCH.exists(), reason='recordings are not beside the repo')
+@pytest.mark.parametrize('column, axis, factor', [('px', 0, 1.2), ('py', 1, 0.9), ('pz', 2, 1.3)])
+def test_one_axis_of_a_real_capture_in_another_scale_shows(tmp_path, column, axis, factor):
+    """It is told outside of ``contradictions.SCALE``; the flight itself is inside."""
+    table = pandas.read_csv(NANOBENCH / 'B2_circle_fast_rep1.csv')
+    table[column] *= factor
+    table.to_csv(tmp_path / 'flight.csv', index=False)
+    bags = tmp_path / 'bag', tmp_path / 'own'
+    for path, bag_ in zip((tmp_path / 'flight.csv', NANOBENCH / 'B2_circle_fast_rep1.csv'), bags):
+        import_table(path, bag_, shipped()['nanobench'])
+    changed, own = (read_flight(bag_).gain for bag_ in bags)
+    for (low, high), (least, most) in zip(own, contradictions.SCALE):
+        assert low <= most and high >= least
+    least, most = contradictions.SCALE[axis]
+    assert changed[axis, 0] > most or changed[axis, 1] < least

@@ -102,6 +102,9 @@ G, A, V, Q = ([f'{begin}{x}' for x in 'xyz'] for begin in (
     'imu_gyro_', 'imu_acc_', 'est_stateEstimate_v', 'att_stateEstimate_q'))
 
 
+POSE = ['qx', 'qy', 'qz', 'qw']
+
+
 def frozen(table):
     table.loc[1500:1800, G + A] = table.loc[1500, G + A].to_numpy()
 
@@ -130,6 +133,11 @@ def exchanged(table):
     table[['py', 'pz']] = table[['pz', 'py']].to_numpy()
 
 
+def askew(table):
+    turned = Rotation.from_quat(table[POSE]) * Rotation.from_euler('z', 20.0, degrees=True)
+    table[POSE] = turned.as_quat()
+
+
 @needs_data
 @pytest.mark.parametrize('change, line', [
     (frozen, 'imu/data_raw: it repeats one value from 15.00 to 18.00 s, while optitrack/pose mo'),
@@ -138,6 +146,7 @@ def exchanged(table):
     (half, 'imu/data_raw and optitrack/pose: roll rate: the gyro turns by 0.1'),
     (fast, 'onboard/odom: x of the velocity is 1.32 times what x of the position changes by'),
     (inverted, 'imu/data_raw and onboard/odom: the gyro shows roll, pitch, yaw as -roll, -pitch'),
+    (askew, 'imu/data_raw and optitrack/pose: the tracked body is turned by '),
     (exchanged, 'optitrack/pose: the height of onboard/odom follows y of the motion capture')])
 def test_columns_that_contradict_others_are_told(tmp_path, capsys, change, line):
     table = pandas.read_csv(CIRCLE.with_name('B2_circle_fast_rep1.csv'))
