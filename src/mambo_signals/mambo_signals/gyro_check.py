@@ -29,9 +29,9 @@ LEAST_SAMPLES = 50  # of both, to compare them
 LEAST_TIME = 2.0    # s that they cover: nine windows. 1.1 s showed other axes by chance
 GAP = 0.1           # s, over which samples are connected
 ALIKE = 0.6         # correlation of three axes together; of real flights 0.75 to 0.99
-SURE = 0.8          # correlation of an axis that tells its unit
+SURE = 0.8          # correlation of an axis that tells its unit, of two that tell an angle
 OTHER = (0.7, 0.3)  # mean correlation of the axes of another order, and how much it exceeds theirs
-ASKEW = 0.21        # rad about z between the axes of both: 0.15 at most in 85 flights of NanoBench
+ASKEW = 0.21        # rad about z between the axes of both; 0.16 at most in 102 real flights
 RIVAL = 1.3         # [-] unexplained variance without lateness over that with it, at least
 
 
@@ -184,7 +184,7 @@ def askew(found: Turning | None) -> float:
     cross = found.cross[:2, :2] * np.outer(gyro, tracked)
     along, across = cross[0, 0] + cross[1, 1], cross[1, 0] - cross[0, 1]
     size = float(np.linalg.norm(gyro) * np.linalg.norm(tracked))
-    if max(tracked) < TURNING or np.hypot(along, across) < ALIKE * size:
+    if max(tracked) < TURNING or np.hypot(along, across) < SURE * size:
         return 0.0
     return float(np.arctan2(across, along))
 

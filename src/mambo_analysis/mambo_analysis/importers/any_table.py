@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from .checks import bag_doubts, extrapolated, plausible, slips
+from .checks import bag_doubts, extrapolated, plausible
 from .common import (
     importer_parser, LONGEST, NAMESPACE, new_samples, provenance, Publisher, read_source, report,
     stamps_ns, unused)
@@ -250,9 +250,7 @@ class _Rows:
             if doubtful.any():
                 usable[rows[doubtful]] = False
                 self.notes.append(about.describe('optitrack/pose', int(doubtful.sum())))
-        good = ~(still | wrong)
-        self.notes += [*outliers.describe_long('optitrack/pose', times[~still], wrong[~still]),
-                       *slips.describe('optitrack/pose', times[good], position[rows[good]])]
+        self.notes += outliers.describe_long('optitrack/pose', times[~still], wrong[~still])
         return lambda row: {'pose': out.pose(position[row].tolist(), turn[row].tolist())}
 
     def _onboard_odom(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from . import motion_doubts, plausible
+from . import motion_doubts, plausible, slips
 from ..common import NAMESPACE
 
 Floats = NDArray[np.float64]
@@ -63,6 +63,8 @@ def _doubts(bag: Bag) -> list[str]:
     if 'imu/data_raw' in bag and len(bag['imu/data_raw']) > 1:
         out += _dead(bag) or _inertial(bag, [
             one for one in motions.values() if np.isfinite(one.quaternion).any()])
+    if TRACKED in motions:
+        out += slips.describe(TRACKED, motions[TRACKED].t, motions[TRACKED].position)
     for one in motions.values():
         out += _still(one)
     out += _stopped(bag, motions)

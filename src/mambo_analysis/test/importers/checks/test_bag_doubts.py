@@ -243,6 +243,17 @@ def test_floor_and_reach_of_a_range_say_nothing(tmp_path, shown, said):
     assert [line[:len(said)] for line in found] == [said] * bool(said)
 
 
+def test_a_tracked_position_that_slips_is_told(tmp_path):
+    with BagWriter(tmp_path / 'bag') as writer:
+        out = Publisher(writer, {'optitrack/pose': any_table.TYPES['optitrack/pose']})
+        for k in range(300):
+            pose = out.pose((0.01 * k, 0.0, 1.0 + (0.04 if k > 199 else 0.0)), (0, 0, 0, 1))
+            out.publish('optitrack/pose', 10_000_000 * k, 'map', pose=pose)
+    assert bag_doubts.doubts(read_bag(tmp_path / 'bag', namespace='/mambo')) == [
+        'optitrack/pose: the position moves by 0.040 m from one frame to the next at t = 2.00 s '
+        'and stays there: did a marker slip, or was the tracker set anew? Cut the recording there']
+
+
 def test_a_jump_of_the_clock_is_told_and_costs_no_memory(tmp_path):
     found = poses_and(tmp_path / 'bag', 'onboard/odom', lambda out, height, pose: out.odometry(
         pose, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), jump=900_000_000 * 10**9)
