@@ -233,14 +233,13 @@ def _stopped(bag: Bag, motions: dict[str, Motion]) -> list[str]:
             continue
         edges = np.flatnonzero(np.concatenate(
             [[True], (np.diff(values[:, known], axis=0) != 0.0).any(axis=1), [True]]))
-        k = int(np.argmax(np.diff(edges)))
-        begin, end = stamps[edges[k]], stamps[edges[k + 1] - 1]
-        if end - begin < STOPPED * 1e9:
-            continue
-        inside = (tracked.stamps > begin) & (tracked.stamps < end)
-        if inside.any() and np.ptp(tracked.position[inside], axis=0).max() > MOVED:
-            out.append(f'{name}: it repeats one value from {begin * 1e-9:.2f} to '
-                       f'{end * 1e-9:.2f} s, while {TRACKED} moves: it had stopped')
+        spans = np.column_stack([stamps[edges[:-1]], stamps[edges[1:] - 1]])
+        for begin, end in spans[np.diff(spans)[:, 0] >= STOPPED * 1e9]:
+            inside = (tracked.stamps > begin) & (tracked.stamps < end)
+            if inside.any() and np.ptp(tracked.position[inside], axis=0).max() > MOVED:
+                out.append(f'{name}: it repeats one value from {begin * 1e-9:.2f} to '
+                           f'{end * 1e-9:.2f} s, while {TRACKED} moves: it had stopped')
+                break
     return out
 
 

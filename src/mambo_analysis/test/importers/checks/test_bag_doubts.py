@@ -109,6 +109,13 @@ def frozen(table):
     table.loc[1500:1800, G + A] = table.loc[1500, G + A].to_numpy()
 
 
+def rested(table):
+    """The recording begins with 4 s of the same numbers at rest."""
+    table.loc[:399, G + A] = table.loc[0, G + A].to_numpy()
+    table.loc[:399, ['px', 'py', 'pz']] = table.loc[0, ['px', 'py', 'pz']].to_numpy()
+    frozen(table)
+
+
 def late(table):
     table[G + A] = table[G + A].shift(100).bfill()
 
@@ -141,6 +148,7 @@ def askew(table):
 @needs_data
 @pytest.mark.parametrize('change, line', [
     (frozen, 'imu/data_raw: it repeats one value from 15.00 to 18.00 s, while optitrack/pose mo'),
+    (rested, 'imu/data_raw: it repeats one value from 15.00 to 18.00 s, while optitrack/pose mo'),
     (late, 'imu/data_raw and optitrack/pose: the attitude is 1.00 s early against the gyro'),
     (dead, 'imu/data_raw: the gyro shows 0 along x throughout: that axis is dead'),
     (half, 'imu/data_raw and optitrack/pose: roll rate: the gyro turns by 0.1'),
