@@ -13,8 +13,11 @@ import time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from mambo_analysis.compare import estimate
 from mambo_bags.reader import read_bag
+from mambo_bags.writer import BagWriter
 from mambo_bringup.domain import Domain
+from mambo_bringup.flight import runner
 from mambo_bringup.flight.nodes import COMPOSED, FLIGHT_NODES, RECORDER, SIMULATOR
+from mambo_bringup.flight.outcome import FlightEndedError
 from mambo_bringup.flight.runner import fly, fly_several
 from mambo_bringup.processes import NodeProcess
 from mambo_bringup.replay import replay
@@ -420,6 +423,23 @@ def test_an_existing_output_is_not_touched(tmp_path):
     _, err = run.communicate(timeout=BUSY)
     assert run.returncode == 2 and 'exists' in err
     assert keep.read_text() == 'mine'
+
+
+@pytest.mark.parametrize('composed', [True, False])
+def test_a_bag_that_another_flight_began_meanwhile_is_not_touched(tmp_path, monkeypatch, composed):
+    other = tmp_path / 'flight'
+    monkeypatch.setattr(runner, 'refuse_existing', lambda *_, **__: None)  # it was not there yet
+    with BagWriter(other) as writer:
+        writer.add_topic('/mambo/motor_pwm', 'mambo_interfaces/msg/MotorPwm')
+        for k in range(5):
+            writer.write('/mambo/motor_pwm', bytes(44), k * 10**9)
+        file, held = next(other.glob('*.mcap')), next(other.glob('*.mcap')).stat()
+        with pytest.raises(FlightEndedError, match='exists: give another name') as error:
+            fly(scenario(duration=1.0, land=False), other, composed)
+        assert (file.stat().st_ino, file.stat().st_size) == (held.st_ino, held.st_size)
+    (outcome,) = error.value.outcomes
+    assert not outcome.closed and not outcome.recorded
+    assert len(read_bag(other, ['motor_pwm'])['motor_pwm']) == 5
 
 
 def time_said(lines):

@@ -38,7 +38,9 @@ PENDING_LIMIT = 1 << 26  # [byte] largest total of messages that are held back
 CHUNK_LIMIT = 1 << 20  # [byte] a fuller second is cut into chunks of this size
 INFINITE = (9223372036, 854775807)  # [s], [ns] RMW_DURATION_INFINITE
 NO_TIME = 2**63 - 1  # [ns] starting time that rosbag2 gives to a bag without messages
-RECORDING = {'state': 'recording'}  # custom_data of metadata.yaml while a bag is not closed
+RECORDING = {'state': 'recording'}
+"""custom_data of metadata.yaml while a bag is not closed, with the process that writes it."""
+NEVER = '(a bag is never overwritten)'
 MEDIA_TYPES = {
     '.yaml': 'application/yaml', '.json': 'application/json', '.txt': 'text/plain',
     '.md': 'text/markdown'}
@@ -184,7 +186,7 @@ class BagWriter:
             for name, data in attachments.items():
                 self.add_attachment(name, data)
             self._writer.flush()
-            self._write_yaml(RECORDING)
+            self._write_yaml({**RECORDING, 'process': str(os.getpid())})
 
     def _abandon(self) -> None:
         """Remove a bag that has just been created."""
@@ -222,7 +224,7 @@ class BagWriter:
         """Create the directory and open the data file; refuse an existing path."""
         if os.path.lexists(self.path):
             raise BagWriterError(
-                f'{self.path} exists: give another name or remove it (a bag is never overwritten)')
+                f'{self.path} exists: give another name or remove it {NEVER}')
         if self.path.name in ('', '.', '..'):
             raise BagWriterError(
                 f'{str(self.path)!r} cannot be the name of a bag: give a new directory')

@@ -291,7 +291,7 @@ def _print_outcome(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:
     print_refused(outcome.refused)
     if not outcome.closed:
         print(f'bag: {bag} is not closed; mambo recover {bag} NEW_BAG'
-              if bag.exists() else 'bag: none')
+              if outcome.recorded else 'bag: none')
         return [outcome.fault or f'{bag} is not closed']
     print(f'bag: {bag}\n')
     if outcome.stopped and (

@@ -14,12 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+import re
 import signal
 import tempfile
 import time
 
-from mambo_bags.recover import recover
-from mambo_bags.writer import RECORDING
+from mambo_bags.recover import recover, Recovered
+from mambo_bags.writer import NEVER, RECORDING
 from mambo_flight.scenario import Scenario
 from mambo_flight.supervised import own_compiled
 from mambo_model.components import Component, own_components, where
@@ -129,16 +130,34 @@ def is_closed(bag: Path) -> bool:
     return f"state: {RECORDING['state']}" not in text
 
 
-def closed_again(bag: Path) -> bool:
-    """Close the bag of a recorder that was killed; return whether it is closed, with messages."""
-    if sum(file.stat().st_size for file in bag.glob('*.mcap')) > LARGEST:
+def is_own(bag: Path, nodes: Iterable[NodeProcess]) -> bool:
+    """
+    Return whether one of some nodes made a bag.
+
+    Another flight may have made it since the output was looked at. The recorder has refused to
+    overwrite it then, or, if it came to nothing, ``metadata.yaml`` names another process.
+    """
+    nodes = list(nodes)
+    if not bag.exists() or any(
+            f'{bag} exists' in line and NEVER in line for node in nodes for line in node.lines):
         return False
+    try:
+        found = re.search(r"\bprocess: '(\d+)'", (bag / 'metadata.yaml').read_text())
+    except OSError:
+        return True
+    return found is None or int(found[1]) in {node.pid for node in nodes}
+
+
+def closed_again(bag: Path) -> Recovered | None:
+    """Close the bag of a recorder that was killed; return what it holds, None if it stays open."""
+    if sum(file.stat().st_size for file in bag.glob('*.mcap')) > LARGEST:
+        return None
     with tempfile.TemporaryDirectory(dir=bag.parent, prefix=f'{bag.name}_') as folder:
         whole = Path(folder) / bag.name
         try:
-            recover(bag, whole)
+            found = recover(bag, whole)
         except (MamboError, OSError):  # also of a full disk
-            return False
+            return None
         bag.rename(Path(folder) / 'unclosed')
         whole.rename(bag)
-    return True
+    return found

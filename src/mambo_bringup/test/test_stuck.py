@@ -1,10 +1,13 @@
 """A process that never goes on: named, killed, its bag closed."""
 
+import os
 from pathlib import Path
 import shutil
 import signal
+from types import SimpleNamespace
 
 from mambo_bags.reader import read_bag
+from mambo_bags.writer import BagWriter
 from mambo_bringup import stuck
 from mambo_flight.scenario import Scenario
 from mambo_model.components import Component
@@ -133,6 +136,21 @@ def test_the_bag_of_a_killed_recorder_is_closed_in_its_place(tmp_path):
     assert stuck.closed_again(bag) and stuck.is_closed(bag)
     assert len(read_bag(bag)['motor_pwm']) > 100
     assert list(tmp_path.iterdir()) == [bag]
+
+
+@pytest.mark.parametrize('said, pid, own', [
+    ([], os.getpid(), True), ([], 1, False),
+    (['recorder_node: bag: {bag} exists: give another name or remove it (a bag is never '
+      'overwritten)'], os.getpid(), False),
+    (['recorder_node: bag: {bag}2 exists: give another name or remove it (a bag is never '
+      'overwritten)'], os.getpid(), True)])
+def test_a_bag_that_another_flight_records_is_not_taken_for_ones_own(tmp_path, said, pid, own):
+    bag = tmp_path / 'bag'
+    node = SimpleNamespace(pid=pid, lines=[line.format(bag=bag) for line in said])
+    assert not stuck.is_own(bag, [node])
+    with BagWriter(bag) as writer:
+        assert stuck.is_own(bag, iter([node])) is own
+        writer.add_topic('/mambo/motor_pwm', 'mambo_interfaces/msg/MotorPwm')
 
 
 def test_a_bag_on_a_full_disk_is_left_as_it_is(tmp_path, small_disk):

@@ -47,6 +47,7 @@ class Outcome:
     refused: dict[str, str]  # by node: numbers of refused messages by topic and reason
     closed: bool  # the bag
     fault: str = ''  # why the flight ended early, one line
+    recorded: bool = True  # whether the bag is of this flight
     whole: bool = False  # whether the full duration was flown
     collisions: list[str] = field(default_factory=list)  # in the hall, one line each
     remarks: list[str] = field(default_factory=list)  # of the simulator, one line each

@@ -18,7 +18,7 @@ from mambo_model.whole_file import refuse_existing
 
 from ..node_group import NodeGroup
 from ..processes import FlightInputError, NodeProcess, parameter
-from ..stuck import closed_again, guests, is_closed, Silence, stuck
+from ..stuck import closed_again, guests, is_closed, is_own, Silence, stuck
 from .natnet import write as write_natnet
 from .nodes import (
     COMPOSED, HALL_CAPTURE, label, NAMESPACE, RECORDER, recorder_topics, REPLACEABLE,
@@ -180,20 +180,21 @@ def _outcome(bag: Path, progress: Progress, nodes: list[NodeProcess],
     """Return the result of one drone's flight."""
     asked = flight.sim_node.duration
     killed = [node.name for node in nodes if node.exit_code == -signal.SIGKILL]
-    closed, step = is_closed(bag), stuck(flight, killed)
+    own = is_own(bag, nodes)
+    closed, step, flown = own and is_closed(bag), stuck(flight, killed), progress.flown
     # a user's code may end the process of all nodes, with exit code 0 too
     silent = not (progress.ended or group.fault or group.interrupts.first)
     early = nodes[-1].early_end() if silent else ''
-    if not closed and not group.interrupts.first:
-        closed = bag.exists() and closed_again(bag)
+    if own and not closed and not group.interrupts.first and (found := closed_again(bag)):
+        closed, flown = True, max(flown, 1e-9 * (found.end - found.start))
     fault = '; '.join(filter(None, (group.fault, step, early)))
-    own = guests(flight, [node.name for node in nodes if node.early_end() in fault])
-    fault = '; '.join(filter(None, (fault, own)))
-    if fault and progress.flown:
+    guilty = guests(flight, [node.name for node in nodes if node.early_end() in fault])
+    fault = '; '.join(filter(None, (fault, guilty)))
+    if fault and flown:
         least = '' if progress.ended else 'at least '  # of what it said before it was killed
-        fault = f'flew {least}{progress.flown:.2f} of {asked:g} s: {fault}'
+        fault = f'flew {least}{flown:.2f} of {asked:g} s: {fault}'
     return Outcome(
-        bag, progress.flown, progress.took, progress.missed, progress.delay,
+        bag, flown, progress.took, progress.missed, progress.delay,
         group.interrupts.first, used(nodes), refused(nodes), closed, fault,
-        whole=progress.flown >= asked, collisions=progress.collisions, remarks=progress.remarks,
-        dropped=dropped(nodes), paused=progress.paused)
+        recorded=own, whole=flown >= asked, collisions=progress.collisions,
+        remarks=progress.remarks, dropped=dropped(nodes), paused=progress.paused)
