@@ -292,10 +292,11 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 def test_a_killed_recorder_leaves_every_second_but_the_open_one(tmp_path):
     path = tmp_path / 'killed'
-    done = subprocess.run([sys.executable, '-c', KILLED, str(path)])
-    assert done.returncode == -signal.SIGKILL
+    recorder = subprocess.Popen([sys.executable, '-c', KILLED, str(path)])
+    assert recorder.wait() == -signal.SIGKILL
     info = yaml.safe_load((path / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
-    assert info['custom_data'] == {'state': 'recording'}  # recognisable
+    assert info['custom_data'] == {  # recognisable, and whose it is
+        'state': 'recording', 'process': str(recorder.pid)}
     times = []
     with data_file(path).open('rb') as stream, pytest.raises(EndOfFile):
         for record in StreamReader(stream).records:

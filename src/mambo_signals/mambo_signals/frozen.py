@@ -4,8 +4,8 @@ Frozen poses of a motion capture: while the body is lost, its last pose is repea
 A body at rest can repeat a pose, too, where it is simulated or its numbers are rounded, and its
 poses are kept. What tells them apart is the motion beside: a body that was lost moved on in the
 meantime, so that the next pose is several usual steps away; and at the end of a recording, the
-motion before stops within one step. A body that is lost while it hovers, and is found where it
-was, does not show.
+motion before stops within one step, but not at the lowest height, where a simulated vehicle
+lands. A body that is lost while it hovers, and is found where it was, does not show.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ LEAST_POSES = 3   # that are equal; two are a frame that was sent twice
 BESIDE = 10       # steps before and after a run that tell the usual one
 LEAP = 2.0        # [-] usual steps; a run of three poses ends with three, a rounded one with 1.7
 FOLLOWS = 1.5     # [-] median periods to the next pose; beyond, a body at rest may be moved unseen
+LANDED = 0.02     # m above the lowest position of a recording
 MOVING = 0.2      # m/s and rad/s; a body that moves faster does not stop within a step
 RESTING = 2       # runs of a body at rest in a recording without noise: at its begin and its end
 
@@ -33,7 +34,7 @@ def frozen(times: Floats, position: Floats, orientation: Floats) -> Bools:
     Parameters
     ----------
     times : (n,) s, ascending
-    position : (n, 3) m
+    position : (n, 3) m, z up
     orientation : (n, 4)
         Unit quaternions x y z w, body to inertial, finite.
 
@@ -56,7 +57,8 @@ def frozen(times: Floats, position: Floats, orientation: Floats) -> Bools:
             continue
         before = np.arange(max(first - BESIDE, 0), first)
         beside = np.concatenate([before, np.arange(last + 1, min(last + 1 + BESIDE, len(same)))])
-        ends = last == len(same) or not follows[last]
+        ends = (last == len(same) or not follows[last]) and (
+            position[first, 2] - position[:, 2].min() > LANDED)
         leapt = _leaps(first - 1, before, sizes, follows & ~same)
         if leapt or _leaps(last, beside, sizes, follows & ~same) or (
                 ends and _stops(sizes[before] / steps[before, None])):

@@ -54,14 +54,18 @@ def other_axis(ranges: Floats, position: Floats, what: str = 'the range') -> str
             f'(correlation {abs(r[axis]):.2f}), z does not ({r[2]:.2f}): it must have z up')
 
 
-def other_scale(ranges: Floats, height: Floats) -> str | None:
+def other_scale(
+    ranges: Floats, height: Floats, what: str = 'the height of the motion capture',
+) -> str | None:
     """
-    Return in words that a tracked height changes by much more than the range, or much less.
+    Return in words that a height changes by much more than the range, or much less.
 
     Parameters
     ----------
     ranges, height : (n,) m
         At the same times.
+    what
+        Name of the height, in the line.
 
     """
     if len(ranges) < LEAST_ROWS or ranges.std() < LEAST_CHANGE or not np.ptp(height) > 0.0:
@@ -70,8 +74,7 @@ def other_scale(ranges: Floats, height: Floats) -> str | None:
     ratio = float(height.std() / ranges.std())
     if r < FOLLOWS or not differs(r, ratio, FACTOR):
         return None
-    return (f'the height of the motion capture changes {ratio:.3g} times as much as the range: '
-            'one of them is not in m')
+    return f'{what} changes {ratio:.3g} times as much as the range: one of them is not in m'
 
 
 def of_bag(bag: Bag) -> list[str]:
@@ -80,17 +83,24 @@ def of_bag(bag: Bag) -> list[str]:
 
     Nothing without both, or if their samples cannot be read: what needs them says so.
     """
-    if any(name not in bag or not len(bag[name]) for name in ('sonar/range', 'optitrack/pose')):
+    if (found := beside(bag, 'optitrack/pose')) is None:
         return []
+    ranges, position = found
+    said = other_axis(ranges, position) or other_scale(ranges, position[:, 2])
+    return [said] if said else []
+
+
+def beside(bag: Bag, topic: str) -> tuple[Floats, Floats] | None:
+    """Return ranges, (n,) m, and the positions of a topic, (n, 3) m, then; None without."""
+    if any(name not in bag or not len(bag[name]) for name in ('sonar/range', topic)):
+        return None
     sonar = bag['sonar/range']
     try:
-        tracked = motion.read(bag, 'optitrack/pose')
+        tracked = motion.read(bag, topic)
         low, high, ranges = (
             np.asarray(sonar[name], float) for name in ('min_range', 'max_range', 'range'))
     except (BagError, KeyError):
-        return []
+        return None
     position = interpolate(sonar.t, tracked.t, tracked.position, GAP)
     known = (WITHIN * low < ranges) & (ranges < high) & np.isfinite(position).all(axis=1)
-    ranges, position = ranges[known], position[known]
-    found = other_axis(ranges, position) or other_scale(ranges, position[:, 2])
-    return [found] if found else []
+    return ranges[known], position[known]

@@ -89,6 +89,17 @@ def test_a_simulated_rest_is_kept():
     assert set(np.flatnonzero(frozen.frozen(T, position, attitude))) == rows((700, 720))
 
 
+def test_a_simulated_landing_that_stops_on_the_floor_is_no_lost_body():
+    position, attitude = np.zeros((len(T), 3)), seen()[1]
+    position[:, 2] = np.interp(T, [1.0, 4.0, 9.0, 11.5], [0.0, 1.0, 1.0, 0.0])
+    position[:, 0] = np.interp(T, [2.0, 11.5], [0.0, 2.0])
+    freeze(position, attitude, 1150, len(T) - 1)
+    assert not frozen.frozen(T, position, attitude).any()
+    position[1150:] = position[1000]  # half a metre higher, the last pose that was seen
+    position[1000:1150], attitude[1000:] = position[1000], attitude[1000]
+    assert set(np.flatnonzero(frozen.frozen(T, position, attitude))) == rows((1000, len(T) - 1))
+
+
 @pytest.mark.parametrize('digits', [2, 3])
 def test_rounded_poses_are_kept(digits):
     """A table in cm or mm repeats its poses wherever the body moves slowly, or rests."""

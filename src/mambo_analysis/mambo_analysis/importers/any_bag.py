@@ -639,7 +639,7 @@ def main(arguments: list[str] | None = None) -> int:
         notes += [about.describe(key.split()[1], int(count))
                   for what, about in (('impossible', outliers), ('frozen', frozen))
                   for key, count in details.items() if key.startswith(f'{what} ')]
-        notes += bag_doubts.doubts(read_bag(options.output, namespace=NAMESPACE))
+        notes += bag_doubts.imported(options.output)
         report(options.bag, options.output, counts, *notes, *unused(ignored))
 
     return guard('import_bag', work)

@@ -22,7 +22,6 @@ from typing import Any
 
 from mambo_bags.command import guard, nearest, Parser
 from mambo_bags.mcap_reader import BagError
-from mambo_bags.reader import read_bag
 from mambo_bags.writer import BagWriter
 from mambo_signals import frozen, outliers
 import numpy as np
@@ -379,7 +378,7 @@ def import_table(
                 why = f' ({"; ".join(reasons)})' if reasons else ''
                 raise BagError(f'{source}: no row makes a message of {name}{why}: mend its '
                                'columns, or take it out of the mapping')
-    told = bag_doubts.doubts(read_bag(target, namespace=NAMESPACE))
+    told = bag_doubts.imported(target)
     return writer.counts, [*damage, *rows.notes, *told, *unused(others)]
 
 

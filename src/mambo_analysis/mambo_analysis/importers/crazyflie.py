@@ -82,7 +82,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from .checks import crazyflie_doubts, plausible, slips
+from .checks import bag_doubts, crazyflie_doubts, plausible, slips
 from .common import (
     estimator_parameters, importer_parser, is_sound, LONGEST, NAMESPACE, new_samples, provenance,
     Publisher, read_source, refuse_options, report, Source, stamps_ns, unused)
@@ -742,6 +742,9 @@ def main(arguments: list[str] | None = None) -> int:
         notes += [about.describe('optitrack/pose', count) for about, key in (
             (outliers, 'impossible'), (frozen, 'frozen'))
             if (count := int(details.get(f'mocap_poses_{key}', 0)))]
+        told = {line.partition(':')[0] for line in details.get('unusual', '').split('; ')}
+        notes += [line for line in bag_doubts.imported(options.output)
+                  if line.partition(':')[0] not in told]  # there by the names in the log
         report(options.log, options.output, counts, *notes, *unused(ignored))
 
     return guard('import_crazyflie', work)

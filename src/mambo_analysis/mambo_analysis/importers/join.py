@@ -35,7 +35,7 @@ from mambo_signals.time_offset import (
     time_offset, unclipped_ranges)
 import numpy as np
 
-from .checks import plausible
+from .checks import bag_doubts, plausible
 
 POSE = 'optitrack/pose'
 _ADVICE = r'[;:]? (or )?give --offset SECONDS'
@@ -335,6 +335,7 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None,
     clock = Clock(offset, math.nan, 'given') if offset is not None else find_clock(bag, tracked)
     shift = round(clock.offset * 1e9)
     doubt = '' if offset is None else _check_given(offset, bag, tracked)
+    doubt += ''.join(f'warning: {mocap}: {line}\n' for line in bag_doubts.still(tracked))
     note = doubt + next(filter(None, [
         _check_path(mocap, motion.read(bag, topic), tracked, shift)
         for topic in OWN if topic in bag]), '')

@@ -82,7 +82,7 @@ from mambo_model.motion.quaternion import from_euler
 import numpy as np
 from numpy.typing import NDArray
 
-from .checks import plausible
+from .checks import bag_doubts, plausible
 from .checks.minidrone_doubts import onboard_doubts, sensor_doubts
 from .common import (
     estimator_parameters, importer_parser, is_sound, new_samples, provenance, Publisher,
@@ -363,8 +363,8 @@ def import_minidrone(
         _publish_slow_sensors(log, out, scale)
         _publish_onboard(log, out)
         _publish_battery(log, out)
-        return writer.counts, (
-            sensor_doubts(log, scale) + onboard_doubts(log) + unused(log.ignored))
+    return writer.counts, (sensor_doubts(log, scale) + onboard_doubts(log)
+                           + bag_doubts.imported(target) + unused(log.ignored))
 
 
 def _import_package(
@@ -383,7 +383,7 @@ def _import_package(
         {'ignored': ', '.join(log.ignored) or 'nothing', 'decided': '; '.join(notes) or 'nothing'})
     with BagWriter(target, attachments=_parameters(alignment), metadata=record) as writer:
         publish(log, Publisher(writer, log.topics), SONAR_RANGE, FULL_QUALITY)
-        return writer.counts, notes + unused(log.ignored)
+    return writer.counts, notes + bag_doubts.imported(target) + unused(log.ignored)
 
 
 def parser() -> Parser:

@@ -63,6 +63,7 @@ KEYS = ('Format Version', 'Coordinate Space', 'Length Units', 'Rotation Type',
 """Keys of the first line that are used."""
 RATES = (0.01, 1e5)  # [Hz] of a take
 ROUNDED = 6e-4  # [s] half of the last digit of the coarsest time column, and a little
+GAP = 1.5  # [-] usual periods between two frames; beyond, one is missing
 RATE_ERROR = 0.05
 """By which the rate of the times may differ from the header's [-]. Motive writes frame number over
 rate, so only the rounding of a nominal rate (29.97 Hz as 30) and of the times is left."""
@@ -342,6 +343,29 @@ def poses(take: Take, up: str = 'y', nose: float = 0.0) -> tuple[Floats, Floats,
     return take.times[seen], turn.apply(take.position[seen]), attitude.as_quat()
 
 
+def _still(times: Floats, position: Floats, attitude: Floats) -> list[str]:
+    """Return a line about a body that hardly moves."""
+    found = plausible.still(times, position, attitude)
+    if found is None:
+        return []
+    span, turns = found
+    hint = ('while the attitude changes: check the unit of the export, unless the vehicle was '
+            'held' if turns else 'throughout: was another rigid body flown?')
+    return [f'{TOPIC}: the positions stay within {span:.2g} m {hint}']
+
+
+def _gaps(times: Floats) -> list[str]:
+    """Return a line about frames that are missing between others, at times (n,) s."""
+    steps = np.diff(times)
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    gaps = np.flatnonzero(steps > GAP * usual)
+    if not len(gaps):
+        return []
+    missing, longest = int(np.rint(steps[gaps] / usual - 1.0).sum()), int(steps.argmax())
+    return [f'{TOPIC}: {missing} frame{"s are" if missing > 1 else " is"} missing in the file, '
+            f'most from {times[longest]:.2f} to {times[longest + 1]:.2f} s: was it cut?']
+
+
 def import_motive(
     source: Path, target: Path, body: str | None = None, up: str = 'y', nose: float = 0.0,
 ) -> tuple[dict[str, int], list[str]]:
@@ -385,7 +409,8 @@ def import_motive(
               ] if take.zeros else []
     notes += [frozen.describe(TOPIC, int(still.sum()))] if still.any() else []
     notes += [outliers.describe(TOPIC, impossible)] if impossible else []
-    notes += [*long, *slips.describe(TOPIC, times, position)]
+    notes += [*long, *slips.describe(TOPIC, times, position), *_still(times, position, attitude)]
+    notes += _gaps(take.times)
     details: dict[str, Any] = {
         'body': take.body, 'up': up, 'nose_rad': nose, 'frames': frames, 'frames_lost': lost,
         **({'poses_frozen': int(still.sum())} if still.any() else {}),

@@ -80,6 +80,15 @@ def test_a_given_offset_is_taken_and_poses_outside_of_the_flight_are_counted(log
     assert 'warning' not in join.join(log, take, tmp_path / 'right', BEGAN)
 
 
+def test_a_capture_that_hardly_moves_is_told(log, take, tmp_path, monkeypatch):
+    def small(bag, name, read=motion.read):
+        found = read(bag, name)
+        return dataclasses.replace(found, position=0.001 * found.position)
+    monkeypatch.setattr(join.motion, 'read', small)  # metres that were imported as millimetres
+    assert (f'warning: {take}: optitrack/pose: the positions stay within 0.00') in join.join(
+        log, take, tmp_path / 'joined')
+
+
 def test_an_offset_for_another_flight_is_not_confirmed(log, take, tmp_path, monkeypatch):
     def differ(*_):
         raise AlignError('the signals differ: another flight; or give --offset SECONDS')

@@ -181,6 +181,38 @@ def test_every_real_log_imports_at_the_rates_of_its_sensors(path, tmp_path):
     assert np.linalg.norm(early) == pytest.approx(9.81, abs=1.5)
 
 
+def _flow_negated(parts):
+    parts['opticalFlow_datout'][:, :2] *= -1.0
+
+
+def _gyro_late(parts):
+    for name in ('ddxb', 'ddyb', 'ddzb', 'pa', 'qa', 'ra'):
+        parts[name][:] = np.roll(parts[name], 60, axis=0)
+
+
+def _yaw_negated(parts):
+    parts['yaw'][:] *= -1.0
+
+
+@needs_data
+@pytest.mark.parametrize('change, lines', [
+    (None, []),
+    (_flow_negated, ['optical_flow: rate_x shows the motion along -x', 'optical_flow: rate_y']),
+    (_gyro_late, ['imu/data_raw and onboard/odom: the attitude is 0.30 s early against the gyro']),
+    (_yaw_negated, ['imu/data_raw and onboard/odom: the gyro shows roll, pitch, yaw as roll'])])
+def test_sensors_that_contradict_the_estimate_of_a_real_log_are_told(tmp_path, change, lines):
+    content = scipy.io.loadmat(next(p for p in FLIGHTS if 'exampleflight' in p.stem))
+    parts = {str(one['blockName'].squeeze()).rpartition('/')[2]: one['values']
+             for one in content['rt_yout'][0, 0]['signals'].ravel()}
+    if change:
+        change(parts)
+    scipy.io.savemat(tmp_path / 'log.mat', {
+        name: content[name] for name in ('rt_tout', 'rt_yout')})
+    _, notes = import_minidrone(tmp_path / 'log.mat', tmp_path / 'bag')
+    told = [note for note in notes if note.startswith(('imu/', 'optical_flow', 'onboard/'))]
+    assert [note[:len(line)] for note, line in zip(told, lines, strict=True)] == lines
+
+
 @needs_data
 def test_held_sample_gaps_are_those_of_the_log():
     log = toolbox_log(next(p for p in FLIGHTS if 'exampleflight' in p.stem))

@@ -4,6 +4,7 @@ import hashlib
 from pathlib import Path
 
 from hypothesis import given, settings, strategies as st
+from mambo_analysis.importers import motive
 from mambo_analysis.importers.common import Source
 from mambo_analysis.importers.motive import import_motive, main, poses, read_take, Take
 from mambo_bags.reader import read_bag
@@ -209,6 +210,25 @@ def test_positions_beyond_a_hall_are_refused(tmp_path, capsys):
 def test_a_sound_take_is_whole_and_nothing_is_said_about_its_poses(tmp_path):
     counts, notes = import_motive(take(tmp_path / 'take.csv', markers=False), tmp_path / 'bag')
     assert counts == {'/mambo/optitrack/pose': N} and not notes
+
+
+def test_frames_that_are_missing_between_others_are_told(tmp_path):
+    path = take(tmp_path / 'cut.csv', markers=False, change=lambda lines: [
+        *lines[:7], *lines[7:27], *lines[37:47], *lines[48:]], **{'Total Exported Frames': N - 11})
+    counts, notes = import_motive(path, tmp_path / 'bag')
+    assert counts == {'/mambo/optitrack/pose': N - 11}
+    assert notes == ['optitrack/pose: 11 frames are missing in the file, most from 0.16 to 0.25 s:'
+                     ' was it cut?']
+
+
+@pytest.mark.parametrize('size, turn, said', [
+    (1e-3, 0.1, 'stay within 0.00098 m while the attitude changes: check the unit of the exp'),
+    (0.0, 0.0, 'stay within 0 m throughout: was another rigid body flown?'), (0.5, 0.1, '')])
+def test_a_body_that_hardly_moves_is_told(size, turn, said):
+    t = np.arange(0.0, 10.0, 0.01)
+    attitude = Rotation.from_euler('x', turn * np.sin(t)[:, None]).as_quat()
+    found = motive._still(t, 0.5 * size * np.sin(t)[:, None] * [1.0, 0.0, 0.0], attitude)
+    assert len(found) == bool(said) and said in ''.join(found)
 
 
 def test_a_wrong_quaternion_is_named_by_the_number_of_its_frame(tmp_path, capsys):

@@ -1,7 +1,8 @@
 """
 Tell whether two bags hold the same messages: ``digest BAG...``.
 
-Prints the SHA-256 of topics, types, log times and bytes of all messages. Files of equal messages
+Prints the SHA-256 of topics, types, log times and bytes of all messages; where they differ, the
+exit code is 1. Files of equal messages
 can differ, as versions of the compression library write them differently.
 """
 
@@ -9,6 +10,8 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
+
+from mambo_model.errors import JobError
 
 from ..command import guard, Parser
 from ..reader import Bag, read_bag
@@ -51,8 +54,13 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser().parse_args(arguments)
 
     def work() -> None:
+        found = []
         for path in options.bags:
-            print(f'{digest(read_bag(path))}  {path}', flush=True)
+            found.append(digest(read_bag(path)))
+            print(f'{found[-1]}  {path}', flush=True)
+        for path, one in zip(options.bags, found):
+            if one != found[0]:
+                raise JobError(f'{path} holds other messages than {options.bags[0]}')
     return guard('digest', work)
 
 

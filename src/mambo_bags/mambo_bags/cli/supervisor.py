@@ -5,9 +5,9 @@ A component of a user runs in the process of the command. It may end that proces
 or crash it (a segmentation fault in a library), and then nobody is left to say so. Before the
 first code of a user is loaded, the process therefore forks. The copy continues with the command.
 The original waits, passes signals on, and exits as the copy did. A copy that does not answer a
-signal, as its code is stuck in a library or has stopped the process, is killed. If the copy ended
-before the command did, the original raises an error, which becomes one line and exit code 1, and
-the clean-up of whatever the original had begun is done.
+signal, as its code is stuck in a library, is killed, and so is one that is stopped while the
+original is not. If the copy ended before the command did, the original raises an error, which
+becomes one line and exit code 1, and the clean-up of whatever the original had begun is done.
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ _DELAY = 0.05  # s: the terminal sends Ctrl-C to the copy, too, which counts it 
 
 _DEAF = 10.0  # s that the copy may take to answer a signal
 _HURRY = 1.0  # s, likewise, to answer the second one
+_LOOK = 1.0  # s between two looks whether the copy is stopped
+_HALTED = 3  # looks in a row at which it is; Ctrl-Z stops the original, too
 
 _copy = 0  # number of the process that continues with the command; 0: nothing was split
 _notes = mmap.mmap(-1, signal.NSIG)  # shared: signals that the copy has handled, by number
@@ -95,7 +97,7 @@ def _status_of(
     Returns
     -------
     status
-        Its exit code, negative for a signal.
+        Its exit code, negative for a signal; that of SIGSTOP if it was stopped, and killed.
     unanswered
         The signal for which it was killed, or at which it crashed.
 
@@ -111,9 +113,9 @@ def _status_of(
     seen = [0] * signal.NSIG
     latest: signal.Signals | None = None
     waiting: signal.Signals | None = None  # for an answer to this signal, until the time below
-    until = 0.0
+    until, halted = 0.0, 0
     while True:
-        left = max(until - time.monotonic(), 0.0) if waiting else None
+        left = max(until - time.monotonic(), 0.0) if waiting else _LOOK
         ready = select.select([handle, read], [], [], left)[0]
         numbers = os.read(read, 256) if read in ready else b''
         if numbers:
@@ -128,12 +130,22 @@ def _status_of(
             os.kill(child, number)
             waiting = signal.Signals(number)
             until = time.monotonic() + (_DEAF if sum(seen) == 1 else _HURRY)
+        halted = halted + 1 if not ready and _is_stopped(child) else 0
+        if halted == _HALTED:
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+            return -signal.SIGSTOP, None
         if waiting and _notes[waiting] >= seen[waiting]:
             waiting = None
         elif waiting and time.monotonic() >= until:
             os.kill(child, signal.SIGKILL)
             os.waitpid(child, 0)
             return -signal.SIGKILL, waiting
+
+
+def _is_stopped(child: int) -> bool:
+    """Return whether a child is stopped by a signal."""
+    return os.waitid(os.P_PID, child, os.WSTOPPED | os.WNOHANG | os.WNOWAIT) is not None
 
 
 def _exit_as(code: int, path: Path) -> NoReturn:
@@ -146,5 +158,5 @@ def _exit_as(code: int, path: Path) -> NoReturn:
         os.kill(os.getpid(), -code)
     how = (f'exit code {code}' if code >= 0 else
            f'{signal.Signals(-code).name}, {signal.strsignal(-code)}')
-    raise JobError(f'{path}: this file, or code that it calls, ended the command ({how}); '
-                   'it must return or raise an error')
+    raise JobError(f'{path}: this file, or code that it calls, ended the command ({how}) before '
+                   'its result was written; it must return or raise an error')

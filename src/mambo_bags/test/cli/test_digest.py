@@ -33,6 +33,14 @@ def test_a_changed_message_shows(flight, change):
     assert digest(bag) != digest(read_bag(flight))
 
 
+def test_other_messages_are_told_and_no_success(tmp_path, flight, capsys):
+    other = make_flight(tmp_path / 'other', 1.0)
+    assert main([str(path) for path in (flight, flight, other)]) == 1
+    out, err = capsys.readouterr()
+    assert out.count('\n') == 3
+    assert err == f'digest: {other} holds other messages than {flight}\n'
+
+
 def test_a_bag_that_is_missing_is_one_line(tmp_path, capsys):
     assert main([str(tmp_path / 'none')]) == 2
     assert capsys.readouterr().err.count('\n') == 1

@@ -50,13 +50,14 @@ def start(folder, code, tool=TOOL):
     ('import sys\ndef work(): sys.exit(0)', 'exit code 0'),
     ('import ctypes\ndef work(): ctypes.string_at(0)', 'SIGSEGV, Segmentation fault'),
     ('import os\ndef work(): os.abort()', 'SIGABRT, Aborted'),
-    ('import os\ndef work(): os.kill(os.getpid(), 9)', 'SIGKILL, Killed')])
+    ('import os\ndef work(): os.kill(os.getpid(), 9)', 'SIGKILL, Killed'),
+    ('import os\ndef work(): os.kill(os.getpid(), 19)', 'SIGSTOP, Stopped (signal)')])
 def test_code_that_ends_the_process_is_one_line(code, how, tmp_path):
     tool = start(tmp_path, code)
     out, err = tool.communicate(timeout=60)
     assert (tool.returncode, out) == (1, 'before\n')
-    assert err == (f'tool: mine.py: this file, or code that it calls, ended the command ({how}); '
-                   'it must return or raise an error\n')
+    assert err == (f'tool: mine.py: this file, or code that it calls, ended the command ({how}) '
+                   'before its result was written; it must return or raise an error\n')
     assert not list(tmp_path.glob('kept_*'))  # what the command had begun is cleared away
 
 
@@ -111,6 +112,17 @@ def test_code_that_answers_no_signal_is_ended(stuck, signals, tmp_path):
     assert (tool.returncode, err) == (130, 'tool: ended by SIGINT\n')
     assert time.monotonic() - began < 8.0  # s: of the 10 that one signal is given
     assert not list(tmp_path.glob('kept_*'))
+
+
+@pytest.mark.long
+def test_a_command_that_ctrl_z_stopped_goes_on(tmp_path):
+    tool = start(tmp_path, WAITS.replace('sleep(60)', 'sleep(1)'))
+    wait_for(tmp_path / 'ready')
+    os.killpg(tool.pid, signal.SIGSTOP)
+    time.sleep(5.0)  # more than a copy that is stopped alone is given
+    os.killpg(tool.pid, signal.SIGCONT)
+    out, err = tool.communicate(timeout=30)
+    assert (tool.returncode, out, err) == (0, 'before\nNone\n', '')
 
 
 @pytest.mark.long

@@ -55,9 +55,9 @@ class Outcome:
     paused: bool = False  # for a while, which ``took`` leaves out
 
     @property
-    def real_time_factor(self) -> float:
-        """Return flight time over wall time."""
-        return self.flown / self.took if self.took else float('nan')
+    def real_time_factor(self) -> float | None:
+        """Return flight time over wall time; None if the simulator could not say the latter."""
+        return self.flown / self.took if self.took else None
 
     def overloaded(self) -> str:
         """Return what to do about many steps without a motor command in time, or ''."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 import math
 from typing import NamedTuple
 
@@ -35,6 +36,10 @@ QUANTITIES = (
       for i, axis in enumerate('xyz')))
 
 
+POSITIVE = (SCALE, DRAG, DRAG + 1, LATENCY)
+"""Indices of quantities that cannot be below 0."""
+
+
 class Interval(NamedTuple):
     """A quantity estimated from the whole flight, at the middle of the flight."""
 
@@ -57,6 +62,12 @@ def intervals(s: Smoothed) -> list[Interval]:
         reach = WIDTH * math.sqrt(max(float(s.P[k, quantity.index, quantity.index]), 0.0))
         out.append(Interval(quantity, value, value - reach, value + reach))
     return out
+
+
+def impossible(found: Iterable[Interval]) -> list[str]:
+    """Return the names of quantities whose intervals are below 0, where none can be."""
+    return [one.quantity.name for one in found
+            if one.high < 0.0 and one.quantity.index in POSITIVE]
 
 
 class Path(NamedTuple):
@@ -94,8 +105,8 @@ def table(s: Smoothed, truth: Array | None = None) -> str:
         True positions of its steps, inertial NED; None: unknown.
 
     """
-    out = [f'{"":<32}{"value":>11}{"":>4}95 % interval']
-    for one in intervals(s):
+    out, found = [f'{"":<32}{"value":>11}{"":>4}95 % interval'], intervals(s)
+    for one in found:
         name = f'{one.quantity.name} [{one.quantity.unit}]'
         out.append(f'{name:<32}{one.value:>11.5g}{"":>4}{one.low:.5g} to {one.high:.5g}')
     if truth is not None and np.isfinite(truth[s.start:, 0]).any():
@@ -103,4 +114,7 @@ def table(s: Smoothed, truth: Array | None = None) -> str:
         for name, rows in (('filter', s.filtered.x), ('smoother', s.x)):
             path = path_error(rows[s.start:], truth[s.start:])
             out.append(f'  {name:<30}' + ''.join(f' {number:>10.4f}' for number in path))
+    if wrong := impossible(found):
+        out.append(f'note: {" and ".join(wrong)} cannot be below 0, so no interval holds: check '
+                   'axes, signs and clock of accelerometer and optical flow')
     return '\n'.join(out)

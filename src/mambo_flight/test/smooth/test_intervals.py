@@ -1,7 +1,7 @@
 """What is said of a smoothed flight."""
 
 from hypothesis import given, strategies as st
-from mambo_estimation.joint.state import SCALE
+from mambo_estimation.joint.state import DRAG, LATENCY, SCALE, SLOPE
 from mambo_flight.smooth import intervals
 import numpy as np
 import pytest
@@ -34,6 +34,16 @@ def test_table_compares_with_the_filter_where_there_is_a_truth():
     assert 'filter                             1.0000     1.0000     1.0000' in both
     assert 'smoother                           0.5000     0.5000     0.5000' in both
     assert intervals.table(made_up(), np.full((N, 3), np.nan)) == alone
+
+
+@pytest.mark.parametrize('index, value, told', [
+    (DRAG, -0.1, True), (DRAG, -0.01, False), (LATENCY, -0.1, True), (SLOPE, -0.1, False)])
+def test_what_cannot_be_negative_and_is_costs_the_intervals_their_word(index, value, told):
+    s = made_up()
+    s.x[:, index + 1], s.P[:, index, index] = value, 0.02 ** 2
+    last = intervals.table(s).splitlines()[-1]
+    name = next(one.name for one in intervals.QUANTITIES if one.index == index)
+    assert last.startswith(f'note: {name} cannot be below 0, so no interval holds') is told
 
 
 def drawn(rng, spread):

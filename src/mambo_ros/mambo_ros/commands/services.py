@@ -75,5 +75,7 @@ class Services:
 
 
 def seconds(duration: Any) -> float:
-    """Return a ``builtin_interfaces/Duration`` in s."""
+    """Return a ``builtin_interfaces/Duration`` in s; ValueError if it is none."""
+    if duration.nanosec >= 1_000_000_000:
+        raise ValueError(f'duration.nanosec = {duration.nanosec}, not below 1e9')
     return duration.sec + duration.nanosec * 1e-9

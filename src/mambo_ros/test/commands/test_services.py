@@ -61,3 +61,5 @@ def test_a_flood_is_refused_until_the_second_is_over(wall):
 
 def test_a_duration_is_in_seconds():
     assert services.seconds(SimpleNamespace(sec=2, nanosec=500_000_000)) == 2.5
+    with pytest.raises(ValueError, match='duration.nanosec = 4294967295, not below 1e9'):
+        services.seconds(SimpleNamespace(sec=0, nanosec=4294967295))

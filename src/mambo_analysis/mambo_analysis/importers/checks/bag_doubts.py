@@ -11,12 +11,13 @@ from __future__ import annotations
 
 from collections import Counter
 from itertools import chain, combinations
+from pathlib import Path
 
-from mambo_bags.reader import Bag, BagError
+from mambo_bags.reader import Bag, BagError, read_bag
 from mambo_signals import gyro_check, height_check, motion
 from mambo_signals.motion import Motion
 from mambo_signals.resample import interpolate, longest_step
-from mambo_signals.time_offset import AlignError
+from mambo_signals.time_offset import AlignError, RANGE_LATE, time_offset, unclipped_ranges
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -36,13 +37,16 @@ LEAST_VOLTS = 2.5  # of a battery in flight; means of 43 flights of NanoBench ar
 SHARES = 1.0  # the largest command of a mapping to shares of the full one
 FARTHEST = 5.0  # [m] median distance of drone and reference
 LONGEST_PAUSE = 600.0  # [s] between two messages
-LEAST_TIME = 5.0  # [s] after which a flight has moved
-LEAST_SPAN = 0.02  # [m] between 5 and 95 % of the positions of a flight; a hover has 0.05
 ENOUGH = 0.005  # [s] between samples of a turning
 LATE = 0.1  # [s] between gyro and attitude
+RISES = 0.4  # correlation of pressure and height; 0.13 at most in twelve real flights
 STOPPED = 1.0  # [s] with the same numbers
 MOVED = 0.1  # [m] of another motion meanwhile
-TURNED = 0.01  # [rad] standard deviation of the tilt of a drone in the air, at least
+
+
+def imported(path: Path) -> list[str]:
+    """Return the doubts about a bag that was just imported."""
+    return doubts(read_bag(path, namespace=NAMESPACE))
 
 
 def doubts(bag: Bag) -> list[str]:
@@ -66,11 +70,11 @@ def _doubts(bag: Bag) -> list[str]:
     if TRACKED in motions:
         out += slips.describe(TRACKED, motions[TRACKED].t, motions[TRACKED].position)
     for one in motions.values():
-        out += _still(one)
+        out += still(one)
     out += _stopped(bag, motions)
     out += [f'sonar/range: {line}: check both before you use them'
             for line in height_check.of_bag(bag)]
-    out += _ranges(bag, motions)
+    out += _ranges(bag, motions) + _pressure(bag, motions)
     if OWN in motions:
         out += _onboard(bag, motions[OWN])
     if len(motions) == 2:
@@ -195,22 +199,12 @@ def _gravity(q: Floats, force: Floats, name: str) -> list[str]:
             'and the order of the quaternion']
 
 
-def _spread(values: Floats) -> float:
-    """Return how far values, (n,), are apart, without the outermost tenth."""
-    low, high = np.percentile(values, [5.0, 95.0])
-    return float(high - low)
-
-
-def _still(one: Motion) -> list[str]:
+def still(one: Motion) -> list[str]:
     """Return a line about positions that hardly change while the attitude does."""
-    span = max(_spread(axis) for axis in one.position.T)
-    known = np.isfinite(one.quaternion).all(axis=1)
-    if float(np.ptp(one.t)) < LEAST_TIME or not known.any() or span >= LEAST_SPAN:
+    found = plausible.still(one.t, one.position, one.quaternion)
+    if found is None or not found[1]:
         return []
-    turns = Rotation.from_quat(one.quaternion[known]).as_matrix()[:, 2]
-    if np.hypot(*turns[:, :2].std(axis=0)) < TURNED:
-        return []
-    return [f'{one.name}: the positions stay within {span:.2g} m while the attitude changes: '
+    return [f'{one.name}: the positions stay within {found[0]:.2g} m while the attitude changes: '
             'check their unit, unless the vehicle was held']
 
 
@@ -256,18 +250,56 @@ def _ranges(bag: Bag, motions: dict[str, Motion]) -> list[str]:
         both &= (ranges > height_check.WITHIN * low) & (ranges < REACH * high)
     if both.sum() < height_check.LEAST_ROWS:
         return []
-    climb, shown = _spread(height[both]), _spread(ranges[both])
+    climb, shown = plausible.spread(height[both]), plausible.spread(ranges[both])
     if climb < CLIMB or shown >= SHOWN * climb:
         return []
     return [f'sonar/range: the ranges stay within {shown:.2g} m while the height of {one.name} '
             f'changes by {climb:.2g} m: check their column and unit']
 
 
+def _pressure(bag: Bag, motions: dict[str, Motion]) -> list[str]:
+    """Return a line about a pressure that rises with the height."""
+    if 'barometer/pressure' not in bag or not motions:
+        return []
+    barometer, one = bag['barometer/pressure'], next(iter(motions.values()))
+    pressure = np.asarray(barometer['fluid_pressure'], float)
+    height = one.values(barometer.stamp, one.position[:, 2:])[:, 0]
+    both = np.isfinite(pressure) & np.isfinite(height)
+    pressure, height = pressure[both], height[both]
+    if len(height) < height_check.LEAST_ROWS or plausible.spread(height) < CLIMB:
+        return []
+    r = float(plausible.correlations(pressure[:, None], height[:, None])[0, 0])
+    if r < RISES:
+        return []
+    return [f'barometer/pressure: the pressure rises with the height of {one.name} (correlation '
+            f'{r:.2f}): check its sign and column']
+
+
+def _late_range(bag: Bag, own: Motion) -> list[str]:
+    """Return a line about ranges that show the height of another time."""
+    found = height_check.beside(bag, own.name)
+    if found is None or len(found[0]) < height_check.LEAST_ROWS or (
+            plausible.correlations(found[0][:, None], found[1])[0, 2] > height_check.FOLLOWS):
+        return []
+    try:
+        one = time_offset(*unclipped_ranges(bag), own.t, own.position[:, 2], swing=CLIMB,
+                          limits=(-gyro_check.SEARCH, gyro_check.SEARCH))
+    except AlignError:
+        return []
+    if one.quality < height_check.FOLLOWS or abs(one.offset) < RANGE_LATE + LATE:
+        return []
+    return [f'sonar/range: it is {abs(one.offset):.2f} s {"late" if one.offset > 0.0 else "early"}'
+            f' against the height of {own.name}: check the clock of both']
+
+
 def _onboard(bag: Bag, own: Motion) -> list[str]:
-    """Return lines about what the drone estimates, beside its own velocity, goal and flow."""
+    """Return lines about what the drone estimates, beside its sensors, velocity and goal."""
     names = [f'{x} of the position' for x in 'xyz']
     rates = [f'{x} of the velocity' for x in 'xyz']
-    out, velocity = [], own.velocity
+    out, velocity = _late_range(bag, own), own.velocity
+    if (found := height_check.beside(bag, OWN)) is not None and (said := height_check.other_scale(
+            found[0], found[1][:, 2], f'the height of {OWN}')):
+        out.append(f'sonar/range: {said}')
     if velocity is not None and (known := np.isfinite(velocity).all(axis=1)).any():
         out += [f'{OWN}: {line}' for line in motion_doubts.own_velocity(
             own.t[known], own.position[known], velocity[known], names, rates)]

@@ -12,6 +12,7 @@ from mambo_signals.motion import Motion
 from mambo_signals.outliers import FASTEST_TURN
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 Floats = NDArray[np.float64]
 LONGEST_STEP = 1.5  # [s] median step of a motion: 1 Hz passes, milliseconds read as s do not
@@ -41,6 +42,9 @@ SAME_RATE = (0.6, 3.0)  # correlation of gyro and onboard rate, and their factor
 OTHER_AXIS = (0.7, 0.3)  # least correlation with another axis, largest with the own one
 UPSIDE_DOWN = -0.8  # correlation of the heights
 MIRRORED = (0.8, 0.3)  # explained shares of a path, by its mirror image and by itself
+LEAST_TIME = 5.0  # [s] after which a flight has moved
+LEAST_SPAN = 0.02  # [m] between 5 and 95 % of the positions of a flight; a hover has 0.05
+TURNED = 0.01  # [rad] standard deviation of the tilt of a drone in the air, at least
 SAME_SCALE = (0.8, 1.25, 0.8)  # factor of two paths, and the explained share from which it counts
 
 
@@ -272,6 +276,36 @@ def common_path(own: Motion, tracked: Motion) -> tuple[Floats, Floats]:
     there = tracked.values(own.stamps, tracked.position)
     both = np.isfinite(there).all(axis=1) & np.isfinite(own.position).all(axis=1)
     return own.position[both], there[both]
+
+
+def spread(values: Floats) -> float:
+    """Return how far values, (n,), are apart, without the outermost tenth."""
+    low, high = np.percentile(values, [5.0, 95.0])
+    return float(high - low)
+
+
+def still(t: Floats, position: Floats, attitude: Floats) -> tuple[float, bool] | None:
+    """
+    Return within how many m the positions of a flight stay, and whether the attitude changes.
+
+    None where they move, in less than ``LEAST_TIME``, or without attitudes.
+
+    Parameters
+    ----------
+    t : (n,) s, ascending
+    position : (n, 3) m
+    attitude : (n, 4)
+        x y z w; NaN where it is not known.
+
+    """
+    known = np.isfinite(attitude).all(axis=1)
+    if len(t) < 2 or float(np.ptp(t)) < LEAST_TIME or not known.any():
+        return None
+    span = max(spread(axis) for axis in position.T)
+    if span >= LEAST_SPAN:
+        return None
+    tilts = Rotation.from_quat(attitude[known]).as_matrix()[:, :2, 2]
+    return span, bool(np.hypot(*tilts.std(axis=0)) >= TURNED)
 
 
 def upside_down(path: Floats, position: Floats) -> str | None:

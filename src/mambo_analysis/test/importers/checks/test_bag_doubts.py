@@ -251,6 +251,39 @@ def test_floor_and_reach_of_a_range_say_nothing(tmp_path, shown, said):
     assert [line[:len(said)] for line in found] == [said] * bool(said)
 
 
+@pytest.mark.parametrize('factor, late, said', [
+    (1.0, 0.0, ''), (1.0, 0.1, ''),
+    (0.5, 0.0, 'the height of onboard/odom changes 2 times as much as the range: one of them is'),
+    (1.0, 0.5, 'it is 0.50 s late against the height of onboard/odom: check the clock of both')])
+def test_a_range_is_compared_with_the_height_that_the_drone_estimates(
+        tmp_path, factor, late, said):
+    with BagWriter(tmp_path / 'bag') as writer:
+        out = Publisher(writer, {name: any_table.TYPES[name] for name in (
+            'onboard/odom', 'sonar/range')})
+        for k in range(2000):
+            def height(t):
+                return 1.5 + 0.5 * np.sin(0.9 * t) + 0.4 * np.sin(2.3 * t + 1.0)
+            t = 0.01 * k
+            turn = Rotation.from_euler('x', 0.1 * np.sin(t)).as_quat()
+            out.publish('onboard/odom', 10_000_000 * k, 'odom', **out.odometry(
+                out.pose((0.5 * np.sin(t), 0.0, height(t)), turn), (0.0, 0.0, 0.0),
+                (0.0, 0.0, 0.0)))
+            if k % 4 == 0:
+                out.publish('sonar/range', 10_000_000 * k, 'sonar', min_range=0.1, max_range=9.0,
+                            range=factor * height(t - late))
+    found = [line for line in bag_doubts.doubts(read_bag(tmp_path / 'bag', namespace='/mambo'))
+             if line.startswith('sonar/range')]
+    assert len(found) == bool(said) and said in ''.join(found)
+
+
+@pytest.mark.parametrize('sign, said', [(-1.0, False), (1.0, True)])
+def test_a_pressure_that_rises_with_the_height_is_told(tmp_path, sign, said):
+    found = poses_and(tmp_path / 'bag', 'barometer/pressure', lambda out, height, pose: {
+        'fluid_pressure': 1e5 + 11.9 * sign * height})
+    assert found == ['barometer/pressure: the pressure rises with the height of optitrack/pose '
+                     '(correlation 1.00): check its sign and column'] * said
+
+
 def test_a_tracked_position_that_slips_is_told(tmp_path):
     with BagWriter(tmp_path / 'bag') as writer:
         out = Publisher(writer, {'optitrack/pose': any_table.TYPES['optitrack/pose']})
