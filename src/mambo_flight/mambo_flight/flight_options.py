@@ -240,8 +240,8 @@ def remarks(flight: Scenario, stretch: str | None = None) -> Iterator[str]:
         return
     course, vehicle = plan.flown_course(), flight.reference_node.vehicle
     name = course_file.source(plan).partition(',')[0] or 'the course'
-    if far := feasibility.far(course):
-        yield f'warning: {name} {far}'
+    if odd := feasibility.odd(course):
+        yield f'warning: {name} {odd}'
     failure = feasibility.check(course, vehicle)
     if failure is None:
         return

@@ -170,8 +170,8 @@ def _run(options: argparse.Namespace) -> None:
         print(f'{options.course}: {course.total:.3f} s, {len(course.duration)} polynomials' + (
             f', stretched {factor:.4f} times' if factor != 1.0 else ''))
         print(table(t, columns, vehicle))
-        if far := feasibility.far(course):
-            print(f'warning: the course {far}')
+        if odd := feasibility.odd(course):
+            print(f'warning: the course {odd}')
     if options.output:
         from .plot_course import draw
         draw(options.output, course, t, columns, feasibility.limits(vehicle), options.course)

@@ -16,12 +16,13 @@ from mambo_sim.sensors.imu import ImuParams
 import numpy as np
 
 __all__ = [
-    'check', 'demand', 'factor', 'Failure', 'failure', 'far', 'Limit', 'limits', 'QUANTITIES',
+    'check', 'demand', 'factor', 'Failure', 'failure', 'Limit', 'limits', 'odd', 'QUANTITIES',
     'remedy', 'stretch', 'too_heavy']
 
 LONGEST = 100.0     # largest factor of time, tried or given by an option
 PRECISION = 1e-4    # relative precision of the stretch
 FAR = 30.0          # m, from the first point; a hall is smaller
+LONG, SLOW = 600.0, 0.01  # s and m/s; a course that is longer and slower has its times in ms
 
 
 def limits(vehicle: Vehicle) -> dict[str, Limit]:
@@ -49,11 +50,15 @@ def too_heavy(vehicle: Vehicle) -> str:
         f'{weight:.3g} N')
 
 
-def far(course: Course) -> str:
-    """Return in words how far a course goes from its first point if that is far, else ''."""
+def odd(course: Course) -> str:
+    """Return in words what of a course suggests another unit of positions or times, else ''."""
     at = np.concatenate(ends(course))[:, :3, 0]  # of all pieces
     way = float(np.linalg.norm(at - at[0], axis=1).max())
-    return f'goes {way:.3g} m from its first point: positions are in metres' if way > FAR else ''
+    if way > FAR:
+        return f'goes {way:.3g} m from its first point: positions are in metres'
+    if course.total > LONG and way < SLOW * course.total:
+        return f'takes {course.total:.4g} s to go {way:.3g} m: times are in seconds'
+    return ''
 
 
 def factor(text: str, option: str) -> float:

@@ -24,8 +24,8 @@ def _run(options: argparse.Namespace) -> None:
     write_text(options.output, to_text(course))
     print(f'{options.output}: {course.total:.3f} s, {len(course.duration)} polynomials' + (
         f', stretched {factor:.4f} times' if factor != 1.0 else ''))
-    if far := feasibility.far(course):
-        print(f'warning: the course {far}')
+    if odd := feasibility.odd(course):
+        print(f'warning: the course {odd}')
     if failure := feasibility.check(course, vehicle):
         print(f'warning: {options.vehicle} cannot fly it: {failure}; '
               f'{feasibility.remedy(course, vehicle)}')

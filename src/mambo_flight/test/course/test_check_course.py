@@ -62,6 +62,15 @@ def test_one_that_is_far_larger_than_a_hall_gets_a_warning(tmp_path, capsys):
             'metres')
 
 
+@pytest.mark.parametrize('factor, told', [(1.0, False), (250.0, False), (1000.0, True)])
+def test_times_in_milliseconds_are_told(tmp_path, capsys, factor, told):
+    path = tmp_path / 'ms.csv'
+    path.write_text(f'x,y,height,t\n0,0,1.2,0\n0.8,0.5,1.4,{2 * factor}\n0,0,1.2,{4 * factor}\n')
+    assert check_course.main([str(path)]) == 0
+    assert ('warning: the course takes 4000 s to go 0.964 m: times are in seconds'
+            in capsys.readouterr().out) is told
+
+
 def test_numbers_as_json_are_those_of_the_table(fast, capsys):
     assert check_course.main([fast, '--json']) == 1
     out, _ = capsys.readouterr()
