@@ -16,6 +16,7 @@ BLEND = 3.0  # [s] assumed duration of the blend to the trajectory, if the bag d
 LEVEL = 0.1  # [m/s] largest vertical speed of a vehicle that keeps its height
 SETTLED = 0.5  # [s] time for which it must keep its height
 EVEN = 0.05  # [s] step of the time grid
+MOST = 4  # landings that are listed
 
 
 class Phases(NamedTuple):
@@ -63,31 +64,46 @@ def _stood(bag: Bag) -> bool:
 
 
 def phases(bag: Bag) -> Phases:
-    """Return end of the take-off and start of the landing from the phases of the reference."""
+    """
+    Return end of the take-off and start of the landing from the phases of the reference.
+
+    The take-off ends with its blend, or earlier with a landing. The landing is the last one: a
+    vehicle may go on after one that is cancelled, or take off again.
+    """
     if 'reference' not in bag:
         return Phases(None, None, '')
     reference = bag['reference']
     phase, stamps = reference.phase, reference.stamp
     track = phase == reference.constant('PHASE_TRACK')
+    climbing = phase == reference.constant('PHASE_TAKEOFF')
     landing = np.isin(
         phase, (reference.constant('PHASE_LANDING'), reference.constant('PHASE_LANDED')))
-    landing &= stamps > (stamps[track][0] if track.any() else -1)
-    landing_start = int(stamps[landing][0]) if landing.any() else None
-    climbing = phase == reference.constant('PHASE_TAKEOFF')
+    begins = np.flatnonzero(landing & ~np.concatenate([[False], landing[:-1]]))
+    flying = np.flatnonzero(track | climbing)
+    last = begins[begins > flying[-1]] if len(flying) else begins
+    landing_start = int(stamps[last[0]]) if len(last) else None
     liftoff = int(stamps[climbing][0]) if climbing.any() else None
     if liftoff is not None and _stood(bag):
         return Phases(None, None, 'the vehicle never took off: it stayed on the floor')
     if not track.any():
         return Phases(None, landing_start, 'the trajectory is never reached', liftoff)
-    begin = int(stamps[track][0])
-    if track[0]:
-        return Phases(begin, landing_start, 'no take-off: on the trajectory from the start')
+    first = int(track.argmax())
+    begin = int(stamps[first])
+    between = stamps[begins[(begins > first) & (begins < flying[-1])]]
+    again = '' if not len(between) else (
+        f'; it flies on after landing at {", ".join(f"{t * 1e-9:.2f}" for t in between[:MOST])}'
+        f'{", ..." if len(between) > MOST else ""} s')
+    if not first:
+        return Phases(begin, landing_start,
+                      f'no take-off: on the trajectory from the start{again}')
     blend = _plan(bag.scenario).get('blend_duration')
     seconds = BLEND if blend is None else float(blend)
+    ends = [begin + round(seconds * 1e9), *between.tolist(), *filter(None, [landing_start])]
     return Phases(
-        begin + round(seconds * 1e9), landing_start,
+        min(ends), landing_start,
         f'phase TRACK from {begin * 1e-9:.2f} s and {seconds:g} s of blend'
-        f'{" (assumed: the bag does not hold it)" if blend is None else ""}', liftoff)
+        f'{", cut short by a landing" if min(ends) < ends[0] else ""}'
+        f'{" (assumed: the bag does not hold it)" if blend is None else ""}{again}', liftoff)
 
 
 def detect_phases(motion: Motion) -> Phases:

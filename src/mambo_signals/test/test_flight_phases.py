@@ -87,6 +87,26 @@ def test_parts_that_are_not_there_are_none(tmp_path, steps, want, words):
     assert len(seen.parts()) == 1 + (want[0] is not None) * (2 + (want[1] is not None))
 
 
+@pytest.mark.parametrize(('steps', 'ends', 'landing', 'words'), [
+    # a landing that is cancelled, one after which it takes off again, one that is the last
+    ([(TRACK, 7.0), (LAND, 7.5), (TRACK, 24.0), (LAND, 28.0), (LANDED, 30.0)], 3.25, 24.0,
+     '; it flies on after landing at 7.00 s'),
+    ([(TRACK, 5.0), (LAND, 8.0), (LANDED, 10.0), (TAKEOFF, 12.0), (TRACK, 20.0)], 3.25, None,
+     '; it flies on after landing at 5.00 s'),
+    ([(TRACK, 2.5), (LAND, 3.0), (TAKEOFF, 5.0), (TRACK, 8.0), (LAND, 9.0)], 2.5, 8.0,
+     '1.25 s of blend, cut short by a landing; it flies on after landing at 2.50 s'),
+    ([(TRACK, 2.5), (LAND, 9.0)], 2.5, 2.5, '1.25 s of blend, cut short by a landing')])
+def test_the_landing_is_the_last_one_and_parts_do_not_overlap(
+        tmp_path, steps, ends, landing, words):
+    seen = phases(referenced(tmp_path / 'b', [(GROUND, 1.0), (TAKEOFF, 2.0), *steps]))
+    assert seen.takeoff_end == pytest.approx(round(ends * SECOND), abs=2)
+    assert seen.landing_start == (
+        None if landing is None else pytest.approx(round(landing * SECOND), abs=2))
+    assert seen.text.endswith(words)
+    edges = [edge for _, *part in seen.parts()[1:] for edge in part if edge is not None]
+    assert edges == sorted(edges)
+
+
 def test_a_bag_without_a_reference_has_no_phases(tmp_path):
     bag = read_bag(make_flight(tmp_path / 'b', 1.0, leave_out=('reference',)))
     assert phases(bag) == Phases(None, None, '')

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+import os
 from pathlib import Path
 import re
 import signal
@@ -69,8 +70,10 @@ class Outcome:
 
     def spent(self) -> str:
         """Return the CPU time and memory of the nodes as one line, the largest first."""
-        # nodes use CPU in a pause, too, of which the wall time knows nothing
-        per, unit = (1.0, 's') if self.paused else (self.took, 'cores')
+        # of CPU used in a pause, and at the start, the wall time of the flight knows nothing
+        total = sum(seconds for seconds, _ in self.used.values())
+        per, unit = (1.0, 's') if self.paused or total > self.took * len(
+            os.sched_getaffinity(0)) else (self.took, 'cores')
         cpu = {name.removesuffix('_node'): seconds / per
                for name, (seconds, _) in self.used.items()}
         nodes = ', '.join(f'{name} {cpu[name]:.2f}' for name in sorted(cpu, key=cpu.get)[::-1])

@@ -1,5 +1,7 @@
 """Outcome of a flight: what is read from the lines of stand-in nodes."""
 
+import os
+
 from mambo_bringup import processes, run, stuck
 from mambo_bringup.flight import runner
 from mambo_bringup.flight.outcome import Progress
@@ -38,6 +40,14 @@ def test_what_nodes_used_is_told_in_cores_the_greediest_first(graph, tmp_path):
     assert outcome.used == {'sim_node': (0.6, 120), 'estimator_node': (0.9, 90)}
     assert outcome.spent() == (
         'CPU: 1.00 cores: estimator 0.60, sim 0.40; memory: 120 MB at most')  # in 1.5 s
+
+
+def test_more_cpu_than_the_cores_have_in_a_short_flight_is_told_in_seconds(graph, tmp_path):
+    """Most of it was used before the flight."""
+    seconds = 1.5 * len(os.sched_getaffinity(0)) + 0.1
+    graph(sim_node=FLEW + f"print('used {seconds:.2f} s of CPU and 120 MB')")
+    outcome = fly(short(), tmp_path / 'bag')
+    assert outcome.spent() == f'CPU: {seconds:.2f} s: sim {seconds:.2f}; memory: 120 MB at most'
 
 
 def test_what_nodes_used_in_a_flight_with_a_pause_is_told_in_seconds(graph, tmp_path):

@@ -20,6 +20,7 @@ from .command_request import answer, prepare
 
 FIND = 8.0  # s of wall time, to find the service
 ANSWER = 10.0  # s of wall time, for its answer
+MOST = 32  # drones that a message lists
 
 
 class Call:
@@ -91,8 +92,13 @@ class Call:
     def _missing(self) -> str:
         """Return why there is no such service."""
         domain = self._node.context.get_domain_id()
-        flying = [name for name, space in self._node.get_node_names_and_namespaces()
+        nodes = self._node.get_node_names_and_namespaces()
+        flying = [name for name, space in nodes
                   if space == self._namespace and name != self._node.get_name()]
+        others = sorted({space for name, space in nodes if name == 'reference_node'})
+        if not flying and others:
+            return (f'no flight of {self._namespace} runs in ROS domain {domain}, but of '
+                    f'{", ".join(others[:MOST])}: choose one with --drone')
         if not flying:
             return (f'no flight of {self._namespace} runs in ROS domain {domain}: start one '
                     'with ./run --commanded')

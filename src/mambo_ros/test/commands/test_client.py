@@ -2,6 +2,7 @@
 
 import math
 import time
+from types import SimpleNamespace
 
 from mambo_model.errors import InputError, JobError
 from mambo_ros.commands import client, table
@@ -101,6 +102,17 @@ def test_a_flight_that_does_not_answer_is_given_up(ends, monkeypatch):
     with pytest.raises(JobError, match='stop: no answer within 0.3 s'):
         polled(call, executor)
     call.close()
+
+
+def test_other_drones_that_fly_there_are_named():
+    nodes = [('page', '/'), ('reference_node', '/mambo1'), ('reference_node', '/mambo2'),
+             ('sim_node', '/mambo2')]
+    call = client.Call.__new__(client.Call)
+    call._namespace, call._node = '/mambo', SimpleNamespace(
+        context=SimpleNamespace(get_domain_id=lambda: 5), get_name=lambda: 'page',
+        get_node_names_and_namespaces=lambda: nodes)
+    assert call._missing() == ('no flight of /mambo runs in ROS domain 5, but of /mambo1, /mambo2:'
+                               ' choose one with --drone')
 
 
 def test_a_call_without_its_service_says_what_is_there(ends, monkeypatch):
