@@ -26,12 +26,16 @@ from mambo_model.errors import InputError
 import numpy as np
 
 from . import agreement, beside, loop, motors
+from ..identify.regression import IdentifyError
 from .force import fit_force
 from .identify_flight import reading_notes
 from .motors import MotorWindows, predict_all
 from .recorded import read_flight, Recorded
 from .torque import fit_torque
 from .windows import HORIZON, PAST, predict, Windows
+
+OTHER_BATTERY = 1.3  # between means of flights: a lithium cell is empty at 3.0 V and full at 4.2
+OTHER_COMMANDS = 2.0  # likewise of commands: 85 flights of one Crazyflie are within 1.2
 
 
 class Row(NamedTuple):
@@ -79,6 +83,7 @@ def leave_one_out(
         raise InputError('one flight: at least two of the same vehicle are needed, as each is '
                          'predicted by the others')
     flights = [read_flight(path) for path in paths]
+    refuse_unlike_commands(flights)
     for (path, one), (again, other) in combinations(zip(paths, flights, strict=True), 2):
         if all(np.array_equal(mine, theirs, equal_nan=True) for mine, theirs in (
                 (one.position, other.position), (one.force, other.force))):
@@ -193,6 +198,24 @@ def unlike_batteries(flights: Sequence[Recorded]) -> list[str]:
             f'{volts[high]:.3g} V: check unit and channel, or give flights of one kind of battery']
 
 
+def refuse_unlike_commands(flights: Sequence[Recorded]) -> None:
+    """
+    Refuse flights whose motors have commands of another size: one vehicle hovers at one command.
+
+    Raises
+    ------
+    IdentifyError
+        Naming both flights.
+
+    """
+    hover = {flight.name: float(np.nanmean(flight.command[flight.air])) for flight in flights}
+    low, high = min(hover, key=hover.__getitem__), max(hover, key=hover.__getitem__)
+    if hover[high] > OTHER_COMMANDS * hover[low]:
+        raise IdentifyError(
+            f'the motors of {low} have a command of {hover[low]:.3g} in the mean, those of {high} '
+            f'of {hover[high]:.3g}: they are not of one vehicle, or in other units')
+
+
 def _work(options: argparse.Namespace) -> None:
     """Predict every flight, print and write the errors."""
     rows = leave_one_out(
@@ -219,8 +242,6 @@ def _work(options: argparse.Namespace) -> None:
         if options.json != '-':
             print(f'wrote {path}')
 
-
-OTHER_BATTERY = 1.3  # between means of flights: a lithium cell is empty at 3.0 V and full at 4.2
 
 NOTES = (
     'windows begin at recorded states; mean errors at their end',

@@ -7,11 +7,13 @@ from typing import NamedTuple
 
 import flown
 from flown import bag, steered, table_of
+from mambo_analysis.identify.regression import IdentifyError
 from mambo_analysis.importers.any_table import import_table, shipped
 from mambo_analysis.twin.loop import Flown
 from mambo_analysis.twin.motors import MotorWindows
 from mambo_analysis.twin.twin import (
-    as_json, as_text, leave_one_out, main, Row, table, translation, unlike_batteries)
+    as_json, as_text, leave_one_out, main, refuse_unlike_commands, Row, table, translation,
+    unlike_batteries)
 from mambo_analysis.twin.windows import Windows
 import numpy as np
 import pytest
@@ -120,6 +122,16 @@ def test_flights_on_unlike_batteries_are_told():
     assert unlike_batteries([*known, on('half', 1.75)]) == [
         'the battery of half shows 1.75 V in the mean, that of full 4 V: check unit and channel, '
         'or give flights of one kind of battery']
+
+
+def test_flights_of_two_vehicles_are_refused():
+    def with_commands(name, factor):
+        plain = flown.flight(0)
+        return plain._replace(name=name, command=factor * plain.command)
+    refuse_unlike_commands([with_commands('one', 1.0), with_commands('other', 1.5)])
+    with pytest.raises(IdentifyError, match='the motors of small have a command of .*, those of '
+                                            'large of .*: they are not of one vehicle'):
+        refuse_unlike_commands([with_commands('large', 100.0), with_commands('small', 1.0)])
 
 
 def test_a_loop_needs_a_reference(tmp_path, capsys):

@@ -4,7 +4,8 @@ What in an imported bag contradicts itself: :func:`doubts`.
 A table or a foreign bag is taken as its mapping says. Its topics are of one flight, so they must
 agree: times, turning, gravity, heights, paths. Each contradiction is one line; nothing is changed.
 Of eight logs of a Crazyflie, seven flights of one under Vicon (NanoBench) and twelve of a Rolling
-Spider two get a line: one whose own estimate is wrong by a factor of 3.9, and one on its side.
+Spider three get a line: one whose own estimate is wrong by a factor of 3.9, one on its side, and
+one whose logging was interrupted.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from pathlib import Path
 from mambo_bags.reader import Bag, BagError, read_bag
 from mambo_signals import gyro_check, height_check, motion
 from mambo_signals.motion import Motion
-from mambo_signals.resample import interpolate, longest_step
+from mambo_signals.resample import interpolate, longest_step, runs
 from mambo_signals.time_offset import AlignError, RANGE_LATE, time_offset, unclipped_ranges
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,10 @@ ENOUGH = 0.005  # [s] between samples of a turning
 LATE = 0.1  # [s] between gyro and attitude
 RISES = 0.4  # correlation of pressure and height; 0.13 at most in twelve real flights
 STOPPED = 1.0  # [s] with the same numbers
+FAST_SPEED = 0.2  # [m/s] of an estimate whose position cannot stand
+LEAP = 0.5  # [m] of an estimate between two samples that is told
+FAST = ('imu/data_raw', 'motor_pwm', TRACKED, OWN)
+PAUSE, PERIOD = 1.0, 0.1  # [s] of a topic with that period, at most
 MOVED = 0.1  # [m] of another motion meanwhile
 
 
@@ -63,7 +68,7 @@ def _doubts(bag: Bag) -> list[str]:
                 motions[name] = motion.read(bag, name)
             except BagError:  # fewer than two usable samples, which is said by what needs them
                 pass
-    out = _jumps(bag) + _apart(bag)
+    out = _jumps(bag) + _apart(bag) + _pauses(bag)
     if 'imu/data_raw' in bag and len(bag['imu/data_raw']) > 1:
         out += _dead(bag) or _inertial(bag, [
             one for one in motions.values() if np.isfinite(one.quaternion).any()])
@@ -91,6 +96,21 @@ def _jumps(bag: Bag) -> list[str]:
             k = int(steps.argmax())
             out.append(f'{_short(topic)}: its times jump by {steps[k]:.4g} s after {t[k]:.2f} s: '
                        'check its clock, or cut the log there')
+    return out
+
+
+def _pauses(bag: Bag) -> list[str]:
+    """Return a line about the longest pause of each fast topic within a recording."""
+    out = []
+    for topic in FAST:
+        if topic not in bag or len(bag[topic]) < gyro_check.LEAST_SAMPLES:
+            continue
+        t = np.sort(bag[topic].t)
+        steps = np.diff(t)
+        k = int(steps.argmax())
+        if PAUSE < steps[k] <= LONGEST_PAUSE and float(np.median(steps)) < PERIOD:
+            out.append(f'{topic}: nothing from {t[k]:.2f} to {t[k + 1]:.2f} s: was the logging '
+                       'interrupted?')
     return out
 
 
@@ -292,11 +312,31 @@ def _late_range(bag: Bag, own: Motion) -> list[str]:
             f' against the height of {own.name}: check the clock of both']
 
 
+def _leaps(own: Motion) -> list[str]:
+    """Return lines about an estimate whose position leaps, or stands while it has a velocity."""
+    out, velocity = [], own.velocity
+    if found := slips.steps(own.t, own.position):
+        at, length = max(found, key=lambda one: one[1])
+        if length > LEAP:
+            out.append(f'{own.name}: the position leaps by {length:.2f} m at t = {at:.2f} s and '
+                       'stays there: was the estimator reset? Cut the recording there')
+    if velocity is None or len(own.t) < 2:
+        return out
+    speed = np.linalg.norm(velocity, axis=1)
+    for first, last in runs((np.diff(own.position, axis=0) == 0.0).all(axis=1)).tolist():
+        t = own.t[[first, last]]
+        if t[1] - t[0] > STOPPED and np.nanmedian(speed[first:last + 1]) > FAST_SPEED:
+            out.append(f'{own.name}: the position stands from {t[0]:.2f} to {t[1]:.2f} s while its'
+                       ' velocity does not: it had stopped')
+            break
+    return out
+
+
 def _onboard(bag: Bag, own: Motion) -> list[str]:
     """Return lines about what the drone estimates, beside its sensors, velocity and goal."""
     names = [f'{x} of the position' for x in 'xyz']
     rates = [f'{x} of the velocity' for x in 'xyz']
-    out, velocity = _late_range(bag, own), own.velocity
+    out, velocity = _late_range(bag, own) + _leaps(own), own.velocity
     if (found := height_check.beside(bag, OWN)) is not None and (said := height_check.other_scale(
             found[0], found[1][:, 2], f'the height of {OWN}')):
         out.append(f'sonar/range: {said}')

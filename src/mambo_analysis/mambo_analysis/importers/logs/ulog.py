@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+import contextlib
+import io
 from pathlib import Path
 import re
 from typing import Any
@@ -39,7 +41,8 @@ def _open(path: Path, messages: list[str] | None) -> Any:
         if file.read(4) != b'ULog':
             raise ValueError('it does not begin as a log of PX4')
     try:
-        return ULog(str(path), messages, disable_str_exceptions=True)
+        with contextlib.redirect_stdout(io.StringIO()):  # it prints each fault
+            return ULog(str(path), messages, disable_str_exceptions=True)
     except MemoryError:
         raise
     except Exception:  # its reader raises anything on damaged bytes
@@ -85,8 +88,10 @@ def read(
                 raise ValueError(f'no message {message}#{number}, its numbers are '
                                  f'{shortened(list(map(str, many)))}')
             kinds = sorted({one.name for one in _open(path, None).data_list})
+            if not kinds:
+                raise ValueError('it holds no samples: it is cut off or damaged')
             raise ValueError(f'no message {message}{nearest(message, kinds)}; it has '
-                             f'{shortened(kinds) or "none"}')
+                             f'{shortened(kinds)}')
         if name not in data:
             raise ValueError(f'{message} has no field {quoted(name)}{nearest(name, data)}; it has '
                              f'{shortened(list(data))}')

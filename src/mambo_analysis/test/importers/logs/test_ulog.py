@@ -166,6 +166,15 @@ def test_a_log_that_is_cut_off_or_damaged_is_one_line_or_what_is_left(tmp_path, 
         assert 'Traceback' not in error and 'Error' not in error
 
 
+def test_a_log_of_which_the_head_alone_is_left_is_one_line(tmp_path, capfd):
+    source = tmp_path / 'head.ulg'
+    source.write_bytes(log(flight_log(flown.steered(seconds=1.0)))[:100])
+    assert any_table.main([str(source), str(tmp_path / 'bag'), '--map', 'px4']) == 2
+    out, err = capfd.readouterr()
+    assert not out and err.count('\n') == 1
+    assert f'{source}: it holds no samples: it is cut off or damaged' in err
+
+
 def test_a_part_that_is_damaged_is_told(tmp_path):
     content = bytearray(log(flight_log(flown.steered(seconds=8.0))))
     half = len(content) // 2
