@@ -11,6 +11,7 @@ import numpy as np
 from . import time_offset
 from .derivative import local_fit
 from .motion import Motion
+from .resample import runs
 
 BLEND = 3.0  # [s] assumed duration of the blend to the trajectory, if the bag does not hold it
 LEVEL = 0.1  # [m/s] largest vertical speed of a vehicle that keeps its height
@@ -78,7 +79,7 @@ def phases(bag: Bag) -> Phases:
     climbing = phase == reference.constant('PHASE_TAKEOFF')
     landing = np.isin(
         phase, (reference.constant('PHASE_LANDING'), reference.constant('PHASE_LANDED')))
-    begins = np.flatnonzero(landing & ~np.concatenate([[False], landing[:-1]]))
+    begins = runs(landing)[:, 0]
     flying = np.flatnonzero(track | climbing)
     last = begins[begins > flying[-1]] if len(flying) else begins
     landing_start = int(stamps[last[0]]) if len(last) else None

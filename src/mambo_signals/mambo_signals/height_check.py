@@ -83,20 +83,25 @@ def of_bag(bag: Bag) -> list[str]:
 
     Nothing without both, or if their samples cannot be read: what needs them says so.
     """
-    if (found := beside(bag, 'optitrack/pose')) is None:
+    if 'optitrack/pose' not in bag or not len(bag['optitrack/pose']):
+        return []
+    try:
+        found = beside(bag, motion.read(bag, 'optitrack/pose'))
+    except BagError:
+        return []
+    if found is None:
         return []
     ranges, position = found
     said = other_axis(ranges, position) or other_scale(ranges, position[:, 2])
     return [said] if said else []
 
 
-def beside(bag: Bag, topic: str) -> tuple[Floats, Floats] | None:
-    """Return ranges, (n,) m, and the positions of a topic, (n, 3) m, then; None without."""
-    if any(name not in bag or not len(bag[name]) for name in ('sonar/range', topic)):
+def beside(bag: Bag, tracked: motion.Motion) -> tuple[Floats, Floats] | None:
+    """Return the ranges of a bag, (n,) m, and positions at their times, (n, 3) m; None without."""
+    if 'sonar/range' not in bag or not len(bag['sonar/range']):
         return None
     sonar = bag['sonar/range']
     try:
-        tracked = motion.read(bag, topic)
         low, high, ranges = (
             np.asarray(sonar[name], float) for name in ('min_range', 'max_range', 'range'))
     except (BagError, KeyError):

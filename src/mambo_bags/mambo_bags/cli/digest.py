@@ -54,6 +54,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser().parse_args(arguments)
 
     def work() -> None:
+        """Print the digest of each bag; JobError if one holds other messages than the first."""
         found = []
         for path in options.bags:
             found.append(digest(read_bag(path)))

@@ -295,11 +295,16 @@ def _pressure(bag: Bag, motions: dict[str, Motion]) -> list[str]:
             f'{r:.2f}): check its sign and column']
 
 
-def _late_range(bag: Bag, own: Motion) -> list[str]:
-    """Return a line about ranges that show the height of another time."""
-    found = height_check.beside(bag, own.name)
-    if found is None or len(found[0]) < height_check.LEAST_ROWS or (
-            plausible.correlations(found[0][:, None], found[1])[0, 2] > height_check.FOLLOWS):
+def _own_height(bag: Bag, own: Motion) -> list[str]:
+    """Return a line about ranges that show another height than the drone's own, or it late."""
+    found = height_check.beside(bag, own)
+    if found is None or len(found[0]) < height_check.LEAST_ROWS:
+        return []
+    ranges, position = found
+    name = f'the height of {own.name}'
+    if said := height_check.other_scale(ranges, position[:, 2], name):
+        return [f'sonar/range: {said}']
+    if plausible.correlations(ranges[:, None], position)[0, 2] > height_check.FOLLOWS:
         return []
     try:
         one = time_offset(*unclipped_ranges(bag), own.t, own.position[:, 2], swing=CLIMB,
@@ -309,7 +314,7 @@ def _late_range(bag: Bag, own: Motion) -> list[str]:
     if one.quality < height_check.FOLLOWS or abs(one.offset) < RANGE_LATE + LATE:
         return []
     return [f'sonar/range: it is {abs(one.offset):.2f} s {"late" if one.offset > 0.0 else "early"}'
-            f' against the height of {own.name}: check the clock of both']
+            f' against {name}: check the clock of both']
 
 
 def _leaps(own: Motion) -> list[str]:
@@ -336,10 +341,7 @@ def _onboard(bag: Bag, own: Motion) -> list[str]:
     """Return lines about what the drone estimates, beside its sensors, velocity and goal."""
     names = [f'{x} of the position' for x in 'xyz']
     rates = [f'{x} of the velocity' for x in 'xyz']
-    out, velocity = _late_range(bag, own) + _leaps(own), own.velocity
-    if (found := height_check.beside(bag, OWN)) is not None and (said := height_check.other_scale(
-            found[0], found[1][:, 2], f'the height of {OWN}')):
-        out.append(f'sonar/range: {said}')
+    out, velocity = _own_height(bag, own) + _leaps(own), own.velocity
     if velocity is not None and (known := np.isfinite(velocity).all(axis=1)).any():
         out += [f'{OWN}: {line}' for line in motion_doubts.own_velocity(
             own.t[known], own.position[known], velocity[known], names, rates)]
