@@ -32,6 +32,7 @@ METHOD = 'intervals of 95 %: least squares of independent readings, Student t'
 LIFT = (1.0, 6.0)  # largest thrust of four motors over the weight, of what flies; the Mambo 2.6
 STRAY = 2.0  # factor by which a thrust is misread; 1.03 at most on a real bench
 REACH = (0.5, 1.5)  # largest command of a bench over the limit of the base; 0.96 on a real one
+LIKE = (0.4, 2.5)  # thrust over that of the base at the largest command; 0.8 on a real bench
 USUAL = (1.0, 2.5)  # exponent of the map of a rotor: 1.47 in the thesis
 THESIS = (4.29e-5, 1.47)  # a [N] and b of (4.5), sec. 4.4.2
 
@@ -189,6 +190,13 @@ def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> result.
     if not REACH[0] < reach < REACH[1]:
         notes.append(f'the largest command is {reach:.2g} times pwm_max = {vehicle.pwm_max:g} of '
                      f'{base}: the map holds in the unit of the bench, check it and --base')
+    elif heavy is None:
+        top = int(np.argmax(np.where(found.used, pwm, 0.0)))
+        of_base = (pwm[top] / vehicle.linear_gain if vehicle.thrust_map == 'linear'
+                   else vehicle.power_a * pwm[top] ** vehicle.power_b)
+        if not LIKE[0] < thrust[top] / of_base < LIKE[1]:
+            notes.append(f'at the command {pwm[top]:g} the thrust is {thrust[top] / of_base:.3g} '
+                         f'times that of a motor of {base}: check --unit, --motors and --base')
     if found.b.high < USUAL[0] or found.b.low > USUAL[1]:
         notes.append(f'the thrust grows with the command to the power {found.b.value:.3g}; of '
                      f'rotors {USUAL[0]:g} to {USUAL[1]:g} are usual: check the zero of the scale '

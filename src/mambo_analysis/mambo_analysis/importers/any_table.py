@@ -7,10 +7,11 @@ name: ``nanobench`` for the data set of that name (a Crazyflie 2.1 under Vicon, 
 for a log of PX4.
 
 Stamps count from the first row. A row without all values of a topic gives no message on it, and is
-counted; likewise a row that repeats the time of the one before, and one with a quaternion of
-zeros, which loggers write while there is no attitude. Impossible poses are left out
-(:mod:`mambo_signals.outliers`), and ends that were extrapolated (:mod:`.checks.extrapolated`).
-Topics that contradict each other are told (:mod:`.checks.bag_doubts`), unused columns are printed.
+counted; likewise a row that repeats the time of the one before, one that the logger marks as not
+valid, and one with a quaternion of zeros, which loggers write while there is no attitude.
+Impossible poses are left out (:mod:`mambo_signals.outliers`), and ends that were extrapolated
+(:mod:`.checks.extrapolated`). Topics that contradict each other are told
+(:mod:`.checks.bag_doubts`), unused columns are printed.
 """
 
 from __future__ import annotations
@@ -166,7 +167,11 @@ class _Rows:
         again = np.append(False, np.diff(self.times[name]) == 0.0)
         none = usable & (np.linalg.norm(found['quaternion'], axis=1) == 0.0) if (
             'quaternion' in found) else np.zeros(len(usable), bool)
+        marked = {name: np.nan_to_num(self.table[name]) == 0.0 for name in topic.valid}
+        by = ', '.join(name for name, rows in marked.items() if rows.any())
+        invalid = np.any([np.zeros(len(usable), bool), *marked.values()], axis=0)
         for wrong, what in ((again, f'repeat the time before in {topic.clock.column}'),
+                            (invalid, f'are marked as not valid by {by}'),
                             (none, 'have a quaternion of zeros, no attitude')):
             if wrong.any():
                 self.notes.append(

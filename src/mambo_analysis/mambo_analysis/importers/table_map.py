@@ -22,7 +22,8 @@ An attitude is a ``quaternion`` with its ``order``, or ``euler`` angles about th
 moving body in the ``order`` of their columns (``ZYX``: yaw, pitch, roll). The ``velocity`` of
 ``onboard/odom`` is in the axes of the world, or with ``velocity_axes: body`` in those of the
 body. A topic may name a ``time`` and a ``body`` of its own. ``only_changes: true`` publishes a
-value only when it is new, for a column that holds the last one.
+value only when it is new, for a column that holds the last one. ``valid: [xy_ok, z_ok]`` names
+columns that are 0 in rows which the logger marks as unusable: these are left out.
 
 Cells of a CSV file are separated by commas, or by the character of ``delimiter: ';'`` (one ASCII
 character, ``'\t'`` for a tab) beside ``time`` and ``topics``. Numbers have decimal points.
@@ -66,7 +67,7 @@ NEEDED = {
     'optitrack/pose': ('position', 'attitude'),
     'onboard/odom': ('position', 'attitude', 'velocity'), 'onboard/reference': ('position',)}
 """Required quantities; other topics require all of theirs, except those of the IMU."""
-_OPTIONS = ('time', 'body', 'only_changes', 'velocity_axes')
+_OPTIONS = ('time', 'body', 'only_changes', 'valid', 'velocity_axes')
 
 
 class Quantity(NamedTuple):
@@ -93,6 +94,11 @@ class Topic(NamedTuple):
     body: str
     only_changes: bool = False
     velocity_axes: str = 'world'
+    valid: tuple[str, ...] = ()
+
+    def columns(self) -> list[str]:
+        """Return the names of its columns but that of the clock."""
+        return [*(name for one in self.quantities.values() for name in one.columns), *self.valid]
 
 
 class Map(NamedTuple):
@@ -107,16 +113,14 @@ class Map(NamedTuple):
         """Return the columns that are wanted at the times of each clock, each once."""
         out: dict[str, list[str]] = {self.clock.column: []}
         for topic in self.topics.values():
-            out.setdefault(topic.clock.column, []).extend(
-                name for one in topic.quantities.values() for name in one.columns)
+            out.setdefault(topic.clock.column, []).extend(topic.columns())
         return {clock: list(dict.fromkeys(names)) for clock, names in out.items()}
 
     def columns(self) -> list[str]:
         """Return the names of all columns that it needs, each once."""
         names = [self.clock.column]
         for topic in self.topics.values():
-            names += [topic.clock.column]
-            names += [name for one in topic.quantities.values() for name in one.columns]
+            names += [topic.clock.column, *topic.columns()]
         return list(dict.fromkeys(names))
 
 
@@ -229,8 +233,9 @@ def _topic(
         if word not in WORDS:
             reader.fail(entries['only_changes'][1], 'only_changes', 'must be true or false')
         changes = WORDS[word]
+    valid = _names(reader, 'valid', entries['valid'][1]) if 'valid' in entries else ()
     return Topic(found, own, turned, changes,
-                 _choice(reader, entries, 'velocity_axes', ('world', 'body')))
+                 _choice(reader, entries, 'velocity_axes', ('world', 'body')), valid)
 
 
 def _quantity(reader: Reader, name: str, node: Node, count: int, dimension: str) -> Quantity:
@@ -246,10 +251,17 @@ def _quantity(reader: Reader, name: str, node: Node, count: int, dimension: str)
             order = _choice(reader, entries, 'order', ORDERS[name])
     if name in ORDERS and not order:
         reader.fail(node, name, f'needs an order: {", ".join(ORDERS[name])}')
-    if not isinstance(columns, SequenceNode) or len(columns.value) != count:
-        reader.fail(columns, name, f'must name {count} column{"s" * (count > 1)}: [...]')
+    return Quantity(_names(reader, name, columns, count), factor, order)
+
+
+def _names(reader: Reader, name: str, columns: Node, count: int | None = None) -> tuple[str, ...]:
+    """Return the names of so many different columns; of one or more, if no count is given."""
+    if not isinstance(columns, SequenceNode) or not columns.value or (
+            count not in (None, len(columns.value))):
+        many = 'columns' if count is None else f'{count} column{"s" * (count > 1)}'
+        reader.fail(columns, name, f'must name {many}: [...]')
     names = [reader.text(element, name) for element in columns.value]
     again = next((one for one in names if names.count(one) > 1), None)
     if again is not None:
         reader.fail(columns, name, f'names column {again} twice')
-    return Quantity(tuple(names), factor, order)
+    return tuple(names)

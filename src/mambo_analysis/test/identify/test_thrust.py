@@ -150,6 +150,18 @@ def test_a_scale_in_another_unit_is_noted(tmp_path, capsys, unit, factor, noted)
     assert ('check --unit, --motors and --base' in capsys.readouterr().out) == noted
 
 
+@pytest.mark.parametrize('motors, noted', [(1, False), (4, True)])
+def test_four_motors_for_one_are_noted_on_a_bench_of_low_commands(
+        tmp_path, capsys, motors, noted):
+    """Up to 60 % of the commands four times the thrust lifts no impossible weight."""
+    file, low = tmp_path / 'bench.csv', COMMANDS <= 290.0
+    np.savetxt(file, np.stack([COMMANDS, motors * bench(0)], axis=1)[low], header='pwm,thrust',
+               delimiter=',', comments='')
+    assert main([str(file)]) == 0
+    assert ('times that of a motor of identified: check --unit, --motors and --base'
+            in capsys.readouterr().out) == noted
+
+
 @pytest.mark.parametrize('zero, noted', [(0.0, False), (0.003, False), (0.05, True)])
 def test_a_wrong_zero_of_the_scale_is_noted(tmp_path, capsys, zero, noted):
     file = tmp_path / 'bench.csv'

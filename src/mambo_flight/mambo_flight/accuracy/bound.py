@@ -7,7 +7,8 @@ posterior Cramer-Rao bound, the standard deviation that the filter reached over 
 their ratio: of drift, biases and scale at the end, of velocity and tilt from 10 s after take-off.
 NEES is the squared error over the variance that the filter states, at the end of each flight. For
 a consistent filter it lies between the two limits beside it with a probability of 95 %. The bound
-leaves out vibration, which adds some mm/s to an estimate at the time of a sample.
+leaves out vibration, which adds some mm/s to an estimate at the time of a sample. A flight that
+lands is compared up to its landing.
 """
 
 from __future__ import annotations
@@ -110,7 +111,8 @@ def compare(options: argparse.Namespace) -> None:
     if options.beside in FIRMWARE:
         crazyflie.bindings()  # what is wrong with them is said before anything is flown
     with counted(own, 1 if from_bag.is_bag(options.scenario) else len(seeds_of(options))):
-        for flight, samples in flights_of(options):
+        for flight, whole in flights_of(options):
+            samples = from_bag.until_landing(whole)
             error = evaluate_recording(flight, samples)
             if error.start + round(SETTLED / DT) >= len(samples.t):
                 raise InputError(f'{options.scenario}: the flight must last more than '

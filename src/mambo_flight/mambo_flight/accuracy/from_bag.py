@@ -16,6 +16,7 @@ from ..scenario import from_yaml, Scenario
 
 Array = NDArray[np.float64]
 LARGEST = 1e6  # of a true state, SI units
+TOUCHING = 0.1  # m of height, below which a landing vehicle may touch the floor
 
 
 class Samples(NamedTuple):
@@ -27,6 +28,17 @@ class Samples(NamedTuple):
     sonar: Array
     flow: Array
     pressure: Array
+
+
+def until_landing(s: Samples) -> Samples:
+    """
+    Return a flight up to its landing; all of it, if it ends in the air or never left the floor.
+
+    The shock of a touchdown and the rest on the floor are not in the models of filter and bound.
+    """
+    high = np.flatnonzero(-s.truth[:, 2] > TOUCHING)
+    end = int(high[-1]) + 1 if len(high) else len(s.t)
+    return Samples(*(getattr(s, name)[:end] for name in Samples._fields))
 
 
 def is_bag(name: str) -> bool:

@@ -6,7 +6,7 @@ import signal
 import sys
 from types import SimpleNamespace
 
-from mambo_flight.accuracy import bound as command
+from mambo_flight.accuracy import bound as command, from_bag
 from mambo_flight.accuracy.error_statistics import Measured, MOTION, QUANTITIES, Row
 from mambo_flight.accuracy.filter_error import LATENCIES, SCALES, SLOPES, with_unknowns
 from mambo_model.errors import InputError
@@ -83,8 +83,8 @@ def no_flight(monkeypatch):
 
     def measured(error):
         return Measured(tuple(Row(1.0, 4.0, 2.0, 2) for _ in QUANTITIES), (1.0, 1.0, 1.0))
-    monkeypatch.setattr(
-        command.closed_loop, 'fly', lambda flight: SimpleNamespace(t=np.arange(3000)))
+    seen = {**dict.fromkeys(from_bag.Samples._fields, np.zeros((3000, 3))), 't': np.arange(3000)}
+    monkeypatch.setattr(command.closed_loop, 'fly', lambda flight: SimpleNamespace(**seen))
     monkeypatch.setattr(command, 'evaluate_recording', evaluated)
     monkeypatch.setattr(command, 'measured', measured)
     return flown

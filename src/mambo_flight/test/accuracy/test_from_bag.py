@@ -24,6 +24,18 @@ def test_samples_and_truth_are_those_of_the_flight_to_the_bit():
         np.testing.assert_array_equal(ours, theirs, err_msg=name)
 
 
+def test_a_flight_ends_at_its_landing():
+    _, found = from_bag.read(BAG)
+    assert len(from_bag.until_landing(found).t) == len(found.t)  # it ends in the air
+    landing = found._replace(truth=found.truth.copy())
+    landing.truth[1300:, 2] = -0.05
+    cut = from_bag.until_landing(landing)
+    for name, column in zip(from_bag.Samples._fields, cut, strict=True):
+        np.testing.assert_array_equal(column, getattr(found, name)[:1300], err_msg=name)
+    landing.truth[:, 2] = 0.0
+    assert len(from_bag.until_landing(landing).t) == len(found.t)  # it never left the floor
+
+
 def test_a_folder_or_an_mcap_file_is_a_bag(tmp_path):
     assert from_bag.is_bag(str(BAG)) and from_bag.is_bag(str(BAG / 'circle_short_0.mcap'))
     assert not from_bag.is_bag('circle') and not from_bag.is_bag(str(tmp_path / 'no.mcap'))

@@ -38,13 +38,12 @@ def read_columns(source: Source, wanted: Map) -> tuple[dict[str, Floats], list[s
     others, damage = [], []
     if suffix == '.ulg':
         try:
-            found, damaged = bounded.call(lambda file: read_log(file, wanted.clocks()), path)
+            found, wrong = bounded.call(lambda file: read_log(file, wanted.clocks()), path)
         except bounded.UnreadableError as error:
             raise BagError(f'{path}: {error}') from None
         except OSError as error:
             raise BagError(f'{path}: {error.strerror or error}') from None
-        if damaged:
-            damage = ['a part of the log is damaged: its messages are missing']
+        damage = [wrong] if wrong else []
     elif suffix == '.mat':
         found, others = _of_mat(path, mat_file.variables(path, source.content), wanted)
     else:

@@ -31,27 +31,45 @@ def split(column: str) -> tuple[str, int, str]:
     return found[1], int(found[2] or 0), found[3]
 
 
-def _open(path: Path, messages: list[str] | None) -> Any:
-    """Return the log with some or all messages; ValueError if it is none or pyulog is missing."""
+class _Watched(io.BufferedReader):
+    """A file that remembers whether less was there than was asked for."""
+
+    cut_off = False
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """Return at most ``size`` bytes."""
+        out = super().read(size)
+        self.cut_off |= 0 < len(out) < (size or 0)
+        return out
+
+
+def _open(path: Path, messages: list[str] | None) -> tuple[Any, bool]:
+    """
+    Return the log with some or all messages, and whether it ends within a message.
+
+    ValueError if it is none or pyulog is missing.
+    """
     try:
         from pyulog import ULog
     except ImportError:
         raise ValueError('logs of PX4 need pyulog: pip install -r requirements/logs.txt') from None
-    with path.open('rb') as file:
+    with _Watched(io.FileIO(path)) as file:
         if file.read(4) != b'ULog':
             raise ValueError('it does not begin as a log of PX4')
-    try:
-        with contextlib.redirect_stdout(io.StringIO()):  # it prints each fault
-            return ULog(str(path), messages, disable_str_exceptions=True)
-    except MemoryError:
-        raise
-    except Exception:  # its reader raises anything on damaged bytes
-        raise ValueError('its content is damaged') from None
+        file.seek(0)
+        try:
+            with contextlib.redirect_stdout(io.StringIO()):  # it prints each fault
+                log = ULog(file, messages, disable_str_exceptions=True)
+        except MemoryError:
+            raise
+        except Exception:  # its reader raises anything on damaged bytes
+            raise ValueError('its content is damaged') from None
+        return log, file.cut_off
 
 
 def read(
     path: Path, clocks: Mapping[str, Sequence[str]],
-) -> tuple[dict[str, Floats], bool]:
+) -> tuple[dict[str, Floats], str]:
     """
     Return columns at the times of their clocks; for ``bounded.call``.
 
@@ -65,17 +83,18 @@ def read(
 
     Returns
     -------
-    {column: (n,) numbers}, and whether a part of the log is damaged and missing.
+    {column: (n,) numbers}, and what is wrong with the log: a part is missing or it is cut off.
 
     Raises
     ------
     ValueError
-        For a file, message or field that is not there, and a column with two clocks.
+        For a file, message or field that is not there, a column with two clocks, and times that
+        run backwards in a message whose nearest samples are wanted.
 
     """
     names = {column: split(column) for clock, columns in clocks.items()
              for column in (clock, *columns)}
-    log = _open(path, sorted({message for message, _, _ in names.values()}))
+    log, cut_off = _open(path, sorted({message for message, _, _ in names.values()}))
     held = {(data.name, data.multi_id): data.data for data in log.data_list}
 
     def field(column: str) -> Floats:
@@ -87,7 +106,7 @@ def read(
             if many:
                 raise ValueError(f'no message {message}#{number}, its numbers are '
                                  f'{shortened(list(map(str, many)))}')
-            kinds = sorted({one.name for one in _open(path, None).data_list})
+            kinds = sorted({one.name for one in _open(path, None)[0].data_list})
             if not kinds:
                 raise ValueError('it holds no samples: it is cut off or damaged')
             raise ValueError(f'no message {message}{nearest(message, kinds)}; it has '
@@ -104,12 +123,16 @@ def read(
         for column in columns:
             values = field(column)
             if names[column][:2] != names[clock][:2]:
-                values = _nearest_in_time(
-                    times, np.asarray(held[names[column][:2]]['timestamp']), values)
+                own = np.asarray(held[names[column][:2]]['timestamp']).astype(np.int64)
+                if (np.diff(own) < 0).any():
+                    raise ValueError(f'the times of {names[column][0]} run backwards')
+                values = _nearest_in_time(times, own, values)
             if column in out and not np.array_equal(out[column], values, equal_nan=True):
                 raise ValueError(f'column {quoted(column)} is wanted at two times')
             out[column] = values
-    return out, bool(log.file_corruption)
+    damage = 'a part of the log is damaged: its messages are missing' if log.file_corruption else (
+        'the log is cut off within a message: what came after it is missing' if cut_off else '')
+    return out, damage
 
 
 def _nearest_in_time(times: Times, own: Times, values: Floats) -> Floats:
@@ -117,7 +140,7 @@ def _nearest_in_time(times: Times, own: Times, values: Floats) -> Floats:
     after = np.clip(np.searchsorted(own, times), 1, max(len(own) - 1, 1))
     if len(own) < 2:
         return np.full(len(times), np.nan)
-    own, times = own.astype(np.int64), times.astype(np.int64)
+    times = times.astype(np.int64)
     row = np.where(times - own[after - 1] <= own[after] - times, after - 1, after)
     far = np.abs(own[row] - times) > resample.longest_step(own)
     return np.where(far, np.nan, values[row])

@@ -7,6 +7,7 @@ import sys
 import flown
 from mambo_analysis.importers import any_table
 from mambo_analysis.importers.logs import ulog
+from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import read_bag
 import numpy as np
 import pytest
@@ -15,7 +16,8 @@ MESSAGES = {
     'sensor_combined': ('float[3] gyro_rad', 'float[3] accelerometer_m_s2'),
     'actuator_motors': ('float[4] control',), 'battery_status': ('float voltage_v',),
     'vehicle_local_position': ('float x', 'float y', 'float z', 'float vx', 'float vy',
-                               'float vz'),
+                               'float vz', 'float xy_valid', 'float z_valid', 'float v_xy_valid',
+                               'float v_z_valid'),
     'vehicle_attitude': ('float[4] q',)}
 
 
@@ -23,11 +25,12 @@ def record(kind, payload):
     return struct.pack('<HB', len(payload), ord(kind)) + payload
 
 
-def log(rows, formats=MESSAGES):
+def log(rows, formats=MESSAGES, in_order=True):
     """
     Return a log: the header, the formats, a subscription for each message, and its rows.
 
-    ``rows``: {(message, number): (times in us (n,), values (n, k))}.
+    ``rows``: {(message, number): (times in us (n,), values (n, k))}. They are written by their
+    times, or one message after the other.
     """
     out = [b'ULog\x01\x12\x35\x01', struct.pack('<Q', 0), record('B', bytes(40))]
     for name, fields in formats.items():
@@ -37,7 +40,7 @@ def log(rows, formats=MESSAGES):
         out.append(record('A', struct.pack('<BH', multi, number) + name.encode()))
     data = [(time, number, values) for number, (times, table) in enumerate(rows.values())
             for time, values in zip(times.tolist(), table.tolist())]
-    for time, number, values in sorted(data, key=lambda row: row[:2]):
+    for time, number, values in sorted(data, key=lambda row: row[:2]) if in_order else data:
         out.append(record('D', struct.pack(f'<HQ{len(values)}f', number, time, *values)))
     return b''.join(out)
 
@@ -53,7 +56,7 @@ def flight_log(one):
     us = np.rint(one.t * 1e6).astype(np.int64) + 5_000_000
     x, y, z, w = one.attitude.T
     q = np.column_stack([w, x, -y, -z])
-    place = np.column_stack([one.position * over, one.velocity * over])
+    place = np.column_stack([one.position * over, one.velocity * over, np.ones((len(us), 4))])
     return {('sensor_combined', 0): (us, np.column_stack([one.gyro * over, one.force * over])),
             ('actuator_motors', 0): (us, one.command[:, [1, 3, 0, 2]] / 65535.0),
             ('battery_status', 0): (us[::50], one.voltage[::50, None]),
@@ -75,10 +78,10 @@ def reader(request):
 
 def test_fields_come_at_the_times_of_their_message(tmp_path):
     path = written(tmp_path / 'a.ulg', LOG)
-    found, damaged = ulog.read(path, {
+    found, wrong = ulog.read(path, {
         'sensor_combined.timestamp': ['sensor_combined.gyro_rad[1]'],
         'sensor_combined#2.timestamp': ['sensor_combined#2.gyro_rad[0]']})
-    assert not damaged
+    assert not wrong
     np.testing.assert_array_equal(found['sensor_combined.timestamp'], [100, 200, 300])
     np.testing.assert_array_equal(found['sensor_combined.gyro_rad[1]'], [1.0, 7.0, 13.0])
     np.testing.assert_array_equal(found['sensor_combined#2.gyro_rad[0]'], [7.0, 7.0])
@@ -148,6 +151,46 @@ def test_a_log_with_a_repeated_stamp_and_no_attitude_yet_is_read(tmp_path):
     _, notes = any_table.import_table(source, tmp_path / 'bag', any_table.find_map('px4'))
     assert any('imu/data_raw: 1 of ' in note and 'repeat the time' in note for note in notes)
     assert any('onboard/odom: 3 of ' in note and 'quaternion of zeros' in note for note in notes)
+
+
+def test_rows_that_the_log_marks_as_not_valid_are_left_out(tmp_path):
+    rows = flight_log(flown.steered(seconds=6.0))
+    place = rows[('vehicle_local_position', 0)][1]
+    place[30:70, 0] += 50.0
+    place[30:70, 6] = 0.0   # xy_valid
+    place[100:110, 9] = 0.0  # v_z_valid
+    source = written(tmp_path / 'flight.ulg', rows)
+    counts, notes = any_table.import_table(source, tmp_path / 'bag', any_table.find_map('px4'))
+    assert counts['/mambo/onboard/odom'] == len(place) - 50
+    assert (f'onboard/odom: 50 of {len(place)} rows are marked as not valid by '
+            'vehicle_local_position.xy_valid, vehicle_local_position.v_z_valid: left out') in notes
+    assert np.abs(read_bag(tmp_path / 'bag')['onboard/odom'].position).max() < 20.0
+    place[:, 6] = 0.0
+    written(source, rows)
+    with pytest.raises(BagError, match='no row makes a message of onboard/odom .*not valid by '
+                                       'vehicle_local_position.xy_valid'):
+        any_table.import_table(source, tmp_path / 'none', any_table.find_map('px4'))
+
+
+def test_an_attitude_whose_clock_starts_again_is_refused(tmp_path):
+    rows = flight_log(flown.steered(seconds=6.0))
+    rows[('vehicle_attitude', 0)][0][400:] -= 1_000_000
+    source = tmp_path / 'flight.ulg'
+    source.write_bytes(log(rows, in_order=False))
+    with pytest.raises(BagError, match='the times of vehicle_attitude run backwards'):
+        any_table.import_table(source, tmp_path / 'bag', any_table.find_map('px4'))
+
+
+def test_a_log_that_is_cut_off_within_a_message_is_told(tmp_path):
+    content = log(flight_log(flown.steered(seconds=6.0)))
+    size = 3 + 2 + 8 + 4 * 4  # of the last message, an attitude
+    for cut, said in ((0, False), (1, True), (size - 2, True), (size, False)):
+        source = tmp_path / f'{cut}.ulg'
+        source.write_bytes(content[:len(content) - cut])
+        _, notes = any_table.import_table(
+            source, tmp_path / f'bag {cut}', any_table.find_map('px4'))
+        assert ('the log is cut off within a message: what came after it is missing'
+                in notes) == said, cut
 
 
 @pytest.mark.long
