@@ -304,8 +304,6 @@ def _own_height(bag: Bag, own: Motion) -> list[str]:
     name = f'the height of {own.name}'
     if said := height_check.other_scale(ranges, position[:, 2], name):
         return [f'sonar/range: {said}']
-    if plausible.correlations(ranges[:, None], position)[0, 2] > height_check.FOLLOWS:
-        return []
     try:
         one = time_offset(*unclipped_ranges(bag), own.t, own.position[:, 2], swing=CLIMB,
                           limits=(-gyro_check.SEARCH, gyro_check.SEARCH))
@@ -408,5 +406,8 @@ def _single(bag: Bag) -> list[str]:
         elif (two := plausible.doubled(commands)) is not None:
             out.append(f'motor_pwm: motors {two[0] + 1} and {two[1] + 1} have the same commands '
                        'throughout, the others differ: check their columns')
+        elif (one := plausible.unequal(commands)) is not None:
+            out.append(f'motor_pwm: in flight motor {one[0] + 1} has {one[1]:.2g} times the '
+                       'command of the others (median): check its column and unit')
     return out + [f'{_short(topic)}: it has one message: nothing can be seen of a motion'
                   for topic in bag.topics if len(bag[topic]) == 1]

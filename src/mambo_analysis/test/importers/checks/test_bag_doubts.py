@@ -208,6 +208,20 @@ def test_two_motors_with_the_same_commands_are_told(tmp_path):
         'their columns']
 
 
+@pytest.mark.parametrize('factor, said', [
+    (1.0, []), (1.6, []), (0.6, []),
+    (0.3, ['motor_pwm: in flight motor 2 has 0.3 times the command of the others (median): check '
+           'its column and unit'])])
+def test_one_motor_of_another_scale_is_told(tmp_path, factor, said):
+    with BagWriter(tmp_path / 'bag') as writer:
+        out = Publisher(writer, {'motor_pwm': 'mambo_interfaces/msg/MotorPwm'})
+        for k in range(150):
+            out.publish('motor_pwm', 10_000_000 * k, '', pwm=np.array(
+                [300.0 + k % 3, factor * (300.0 + k % 5), 300.0 + k % 2, 300.0 - k % 7])
+                if k > 50 else np.zeros(4))
+    assert bag_doubts.doubts(read_bag(tmp_path / 'bag')) == said
+
+
 def test_one_motor_that_stands_is_told(tmp_path):
     with BagWriter(tmp_path / 'bag') as writer:
         out = Publisher(writer, {'motor_pwm': 'mambo_interfaces/msg/MotorPwm'})
@@ -257,6 +271,7 @@ def test_floor_and_reach_of_a_range_say_nothing(tmp_path, shown, said):
 @pytest.mark.parametrize('factor, late, said', [
     (1.0, 0.0, ''), (1.0, 0.1, ''),
     (0.5, 0.0, 'the height of onboard/odom changes 2 times as much as the range: one of them is'),
+    (1.0, 0.2, 'it is 0.20 s late against the height of onboard/odom: check the clock of both'),
     (1.0, 0.5, 'it is 0.50 s late against the height of onboard/odom: check the clock of both')])
 def test_a_range_is_compared_with_the_height_that_the_drone_estimates(
         tmp_path, factor, late, said):
