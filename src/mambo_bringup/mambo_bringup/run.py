@@ -109,23 +109,21 @@ def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
         flight = scenario_file.from_settings(
             {'controller': scenario_file.Place(CONTROLLER, 'default'), **given})
         plan = flight.reference_node.plan
-        flown = plan.trajectory if plan.trajectory != COURSE else (
-            Path(options.trajectory).stem)
+        path = plan.trajectory if plan.trajectory != COURSE else Path(options.trajectory).stem
         estimator = ESTIMATORS.find(flight.estimator_node.estimator)
-        name = f'{flown}_{estimator.name if estimator else flight.estimator_node.estimator}'
+        name = f'{path}_{estimator.name if estimator else flight.estimator_node.estimator}'
     if options.commanded:
         if options.trajectory:
             raise schema.ParameterError(
                 '--commanded and --trajectory exclude each other: mambo follow FILE flies one')
         flight = scenarios.override(flight, {'reference_node.commands.enabled': True})
         name = name if options.scenario else 'commanded'
+    mode, speed = options.mode or ('realtime' if options.natnet else 'lockstep'), options.speed
+    if speed is None:  # that of a scenario is for real time
+        speed = flight.sim_node.speed if mode == 'realtime' else 1.0
     flight = flight_options.applied(scenarios.override(flight, {
         **({'sim_node.paused': True} if options.paused else {}),
-        'sim_node.mode': options.mode or 'lockstep',
-        'sim_node.speed': 1.0 if options.speed is None else options.speed}), options)
-    if options.speed is not None and flight.sim_node.mode != 'realtime':
-        raise schema.ParameterError(
-            f'--speed {options.speed:g} needs --mode realtime: lockstep always runs at full speed')
+        'sim_node.mode': mode, 'sim_node.speed': speed}), options)
     if options.composed and options.processes:
         raise schema.ParameterError('--composed and --processes exclude each other')
     if options.without and options.composed:
@@ -133,6 +131,11 @@ def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
             '--without and --composed exclude each other: your node needs the others as processes')
     if options.natnet:
         flight = _with_natnet(flight, options)
+    flown = flight.sim_node
+    if flown.mode != 'realtime' and (options.speed is not None or flown.speed != 1.0):
+        option = '--speed' if options.speed is not None else '--set sim_node.speed'
+        raise schema.ParameterError(
+            f'{option} {flown.speed:g} needs --mode realtime: lockstep always runs at full speed')
     if not flight.sim_node.duration > 0.0:
         raise schema.ParameterError(f'{name}: sim_node.duration must be more than 0 s')
     return f'{name}_seed{flight.seed}', flight

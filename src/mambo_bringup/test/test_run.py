@@ -151,15 +151,25 @@ def test_a_printed_scenario_can_be_flown(capsys, tmp_path):
     ('sim_node.simulator.barometer.noise=1e-3', 0.001),
     ('sim_node.simulator.noise=false', False), ('sim_node.simulator.seed=12', 12),
     ('estimator_node.sensor_reliability=best_effort', 'best_effort'),
-    ('reference_node.plan.landing_time=20', 20.0), ('sim_node.speed = 3', 3.0)])
+    ('reference_node.plan.landing_time=20', 20.0), ('sim_node.patience = 3', 3.0)])
 def test_set_takes_any_parameter(assignment, value):
     name = assignment.partition('=')[0].strip()
     assert schema.flatten(run('--set', assignment)[0])[name] == value
 
 
 def test_set_can_be_repeated_and_comes_last():
-    flown, _ = run('--seed', '3', '--set', 'optitrack_node.seed=4', '--set', 'sim_node.speed=5')
+    flown, _ = run('--seed', '3', '--set', 'optitrack_node.seed=4', '--mode', 'realtime',
+                   '--set', 'sim_node.speed=5')
     assert (flown.seed, flown.optitrack_node.seed, flown.sim_node.speed) == (3, 4, 5.0)
+
+
+def test_the_speed_of_a_scenario_is_flown_in_real_time(tmp_path):
+    file = tmp_path / 'own.yaml'
+    file.write_text('/**/sim_node:\n  ros__parameters: {speed: 2.0, duration: 9.0}\n')
+    for options, speed in ((['--mode', 'realtime'], 2.0), (['--natnet'], 2.0), ([], 1.0),
+                           (['--mode', 'realtime', '--speed', '3'], 3.0)):
+        flown, _ = run('--scenario', str(file), *options)
+        assert flown.sim_node.speed == speed, options
 
 
 @pytest.mark.parametrize('arguments, last_error', [
@@ -174,6 +184,7 @@ def test_set_can_be_repeated_and_comes_last():
     (['--set', 'sim_node.simulator.noise=0'], 'must be true or false'),
     (['--set', 'sim_node.simulator.seed=1.5'], 'must be a whole number'),
     (['--speed', '2'], '--speed 2 needs --mode realtime'),
+    (['--set', 'sim_node.speed=2'], '--set sim_node.speed 2 needs --mode realtime'),
     (['--duration', '0'], 'duration'), (['--duration', 'nan'], 'duration'),
     (['--seed', '-1'], '--seed: -1 must be within 0'),
     (['--vehicle', 'eagle'], "--vehicle: vehicle 'eagle' is un"),
