@@ -82,6 +82,8 @@ _mambo_enter() {
         export PYTHONPYCACHEPREFIX=${PYTHONPYCACHEPREFIX:-$cache/bytecode}
         unset PYTHONDONTWRITEBYTECODE
     fi
+    # Python takes a file that a limit cut off for whole, and reads the cut byte code ever after
+    [[ $(ulimit -f) == unlimited ]] || export PYTHONDONTWRITEBYTECODE=1
     "$root/tools/install.bash" "$MAMBO_ROS" || return
     export MPLCONFIGDIR=${MPLCONFIGDIR:-$cache/matplotlib}
     export ROS_LOG_DIR=${ROS_LOG_DIR:-$cache/ros-log}

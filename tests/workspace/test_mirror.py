@@ -52,7 +52,6 @@ HELD = {
     'mambo_estimation/capture/aided.py': CAPTURE,
     'mambo_estimation/joint/joint_parameters.py': CAPTURE,
     'mambo_flight/smooth/forward_pass.py': 'src/mambo_flight/test/smooth/test_smoother.py',
-    'mambo_estimation/estimate.py': 'src/mambo_estimation/test/test_kalman.py',
     'mambo_estimation/filters.py': 'src/mambo_estimation/test/test_kalman.py',
     'mambo_estimation/joint/answer.py': JOINT,
     'mambo_estimation/joint/update.py': JOINT,

@@ -1,5 +1,6 @@
 """tools/start: what a user's folder holds, or Ctrl-C in the first moment, breaks no command."""
 
+import marshal
 import os
 from pathlib import Path
 import signal
@@ -20,6 +21,21 @@ def test_files_of_the_user_named_like_packages_are_left_alone(tmp_path, command)
                           capture_output=True, text=True, timeout=120)
     assert (done.returncode, done.stderr) == (0, '')
     assert done.stdout
+
+
+@pytest.mark.parametrize(('before', 'command'), [
+    ('true', f'{ROOT}/mambo separation --help'),
+    ('true', f'{ROOT}/tools/mambo separation --help'),
+    ('python3 -c "import mambo_ros.entry"',
+     'python3 -c "from mambo_ros.entry import mambo_sim; mambo_sim.sim_node()" --help')])
+def test_a_limit_of_file_sizes_leaves_no_cut_byte_code(tmp_path, before, command):
+    """Python writes what the limit allows of a module's byte code, and reads it ever after."""
+    kept = {name: value for name, value in os.environ.items() if name != 'PYTHONDONTWRITEBYTECODE'}
+    subprocess.run(
+        ['bash', '-c', f'{before}; ulimit -f 1; {command} </dev/null'], capture_output=True,
+        timeout=120, env=kept | {'PYTHONPYCACHEPREFIX': str(tmp_path), 'ROS_DOMAIN_ID': '101'})
+    for path in tmp_path.rglob('*.pyc'):
+        marshal.loads(path.read_bytes()[16:])  # EOFError of one that is cut off
 
 
 def test_ctrl_c_before_python_has_started_is_one_line(tmp_path):

@@ -207,6 +207,8 @@ class BagWriter:
             with suppress(OSError):  # raised while flushing the rest
                 self._stream.close()
             left = '; recover reads what is in it' if self._by_order else ''
+            if not (self._folder / self.file.name).exists():
+                left = ': it has been moved or removed'
             raise BagDiskError(f'cannot write {self.file}: {error.strerror}{left}') from None
 
     def _begin(self, stream: BinaryIO) -> McapWriter:

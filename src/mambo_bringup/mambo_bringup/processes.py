@@ -39,6 +39,7 @@ _HALTED = 1.0  # s for which a process may be stopped
 _LINE = 1 << 16  # most characters of a line that a node prints; a longer one is taken in parts
 _ENDED = re.compile(r'ended by (SIG\w+)')  # printed by a node
 _REFUSAL = re.compile(r'\b\w+_node: .*')  # printed by a node, perhaps within another line
+_LOGGED = re.compile(r'\[(?:ERROR|FATAL)\] \[[\d.]+\] \[([\w.]+)\]: ')  # before a logged message
 _COLOUR = '\x1b['  # is in every line that the middleware prints
 _ENVIRONMENT = {  # lines are read as they are written, whatever the user's own nodes log like
     'PYTHONUNBUFFERED': '1', 'RCUTILS_LOGGING_BUFFERED_STREAM': '0',
@@ -342,7 +343,11 @@ class NodeProcess:
         errors = [line for line in printed if 'ERROR' in line or 'Error' in line]
         own = [line for line in errors if _COLOUR not in line] or [
             found[0] for line in printed if (found := _REFUSAL.search(line))]
-        return (own or errors or printed or ['no output'])[-1]
+        said = (own or errors or printed or ['no output'])[-1]
+        if (found := _LOGGED.match(said)) is None:
+            return said
+        node, text = found[1].rpartition('.')[2], said[found.end():]
+        return text if self.label.endswith(node) else f'{node}: {text}'
 
 
 class Interrupts:

@@ -281,8 +281,11 @@ def _print_outcome(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:
     if outcome.took:
         print(f'{what} {outcome.flown:.2f} s in {outcome.took:.2f} s of wall time, '
               f'{outcome.missed} steps without their motor command')
-    else:  # the simulator was ended before it could say
+    elif outcome.flown or outcome.closed or not outcome.recorded:
+        # the simulator was ended before it could say
         print(f'{what} at least {outcome.flown:.2f} s')
+    else:
+        print('how long it flew is in the bag, which is not closed')
     if outcome.delay:
         print(outcome.delay)
     if line := outcome.overloaded():

@@ -154,7 +154,7 @@ def test_an_interrupt_of_the_terminal_does_not_reach_the_nodes(start):
     ([], 'no output'),
     (['all is well', ''], 'all is well'),
     (['[ERROR] [1.0] [sim]: no motor_pwm', '[INFO] [2.0] [sim]: flew 3 s'],
-     '[ERROR] [1.0] [sim]: no motor_pwm'),
+     'sim: no motor_pwm'),  # the node that said it, without time and severity
     (['Traceback (most recent call last):', '  File "x.py", line 1', '    raise ValueError("a")',
       'ValueError: a'], 'ValueError: a'),
     (['ValueError: a', '', 'During handling of the above exception, another occurred:',

@@ -33,7 +33,8 @@ from .literature.extended import ExtendedParams
 from .literature.flatness_drag import FlatnessDragParams
 from .literature.geometric import GeometricParams
 from .literature.indi import IndiParams
-from .safety import LARGEST, REASON_NONE, REASON_REFERENCE, stop_reason, usable
+from .safety import (
+    LARGEST, REASON_CONTROLLER, REASON_NONE, REASON_REFERENCE, stop_reason, usable)
 from .support_package import ToolboxControllerParams
 
 REGISTRY = Registry(
@@ -106,10 +107,9 @@ def read(answer: Any) -> Command:
         raise UnusableError(
             f'step answers {type(answer).__name__} where a Command belongs: make it by '
             'mambo_control.command.thrust_and_torque')
-    try:
-        out = slots.typed(answer, _NOTHING)
-    except (TypeError, ValueError):
-        raise UnusableError('a field of the command has another type or shape') from None
+    out = slots.typed(answer, _NOTHING)
+    if not 0 <= out.reason <= REASON_CONTROLLER:
+        raise UnusableError(f'step answers reason = {out.reason}: wanted 0 to {REASON_CONTROLLER}')
     for name, numbers in (('thrust', (out.thrust,)), ('torque', out.torque), ('pwm', out.pwm)):
         if not all(abs(x) <= LARGEST for x in numbers):
             raise UnusableError(f'step answers {name} = {getattr(out, name)}')
@@ -161,7 +161,8 @@ def _plain_step(memory, state, ref, dt, own, slot, vv):
 def _sound(c: Command) -> bool:
     """Tell whether the numbers of a command can be used."""
     x = c.pwm
-    return usable(c.torque) and abs(c.thrust) <= LARGEST and (
+    known = 0 <= c.reason <= REASON_CONTROLLER
+    return known and usable(c.torque) and abs(c.thrust) <= LARGEST and (
         abs(x[0]) <= LARGEST and abs(x[1]) <= LARGEST and abs(x[2]) <= LARGEST
         and abs(x[3]) <= LARGEST)
 

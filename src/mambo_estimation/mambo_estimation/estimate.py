@@ -1,4 +1,10 @@
-"""Result of an estimator step, and the diagnostic status of estimator and sensors."""
+"""
+Result of an estimator step, whether it can be used, and the diagnostic status of the sensors.
+
+In the estimate of a user's estimator NaN is allowed where it means that there is no value: in the
+offset of the barometer and in what a sample showed. :func:`is_sound` is for compiled code,
+:func:`complaint` says what is wrong.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +13,7 @@ import math
 from typing import NamedTuple
 
 from mambo_model.compiled import jit
-from mambo_model.motion.quaternion import rotate
+from mambo_model.motion.quaternion import is_unit, norm, rotate
 from mambo_model.motion.rigid_body import State
 from mambo_model.motion.vector import Vec3
 
@@ -20,6 +26,8 @@ STATUS = ('aligning', 'dead reckoning', 'nominal')
 GOOD, DOUBTFUL, BAD = range(3)
 UNKNOWN = (0.0,) * 36  # covariance of an estimator that publishes none
 NOT_ALIGNED = 0.08  # rad: as the controller's limit of a take-off
+LARGEST_COUNT = 2**32 - 1  # of samples: a uint32
+LONGEST_AGE = 1e9  # s, of a used sample
 
 
 class Estimate(NamedTuple):
@@ -102,6 +110,114 @@ def of_state(state: State, status: int, gyro_bias: Vec3, accel_bias: Vec3) -> Es
         state, UNKNOWN, UNKNOWN, status, -state.rho[2], -rotate(state.q, state.nu)[2], gyro_bias,
         accel_bias, nan, nan, nan, nan2, nan, nan, nan, 0, 0, 0, 0,
         Health(none, (0.0, 0.0, 0.0, 0.0, 0.0), none))
+
+
+@jit
+def _finite(numbers) -> bool:
+    """Tell whether all numbers of a tuple are finite."""
+    for x in numbers:
+        if not math.isfinite(x):
+            return False
+    return True
+
+
+@jit
+def _covariance(P) -> bool:
+    """Tell whether 36 numbers can be a covariance: finite, and no variance below 0."""
+    if not _finite(P):
+        return False
+    for k in range(0, 36, 7):  # the diagonal
+        if P[k] < 0.0:
+            return False
+    return True
+
+
+@jit
+def _counts(numbers) -> bool:
+    """Tell whether all whole numbers of a tuple are counts."""
+    for n in numbers:
+        if n < 0 or n > LARGEST_COUNT:
+            return False
+    return True
+
+
+@jit
+def _health(e: Estimate) -> bool:
+    """Tell whether the health of the sensors can be published."""
+    for code in e.health.health:
+        if code < 0 or code > health.STUCK:
+            return False
+    for age in e.health.age:
+        if not 0.0 <= age <= LONGEST_AGE:
+            return False
+    return _counts(e.health.not_finite)
+
+
+@jit
+def is_sound(e: Estimate) -> bool:
+    """Tell whether an estimate can be used: :func:`complaint` would return nothing."""
+    s = e.state
+    if not (_finite(s.rho) and _finite(s.nu) and _finite(s.q) and _finite(s.omega)
+            and is_unit(s.q)):
+        return False
+    if not (_finite((e.height, e.vertical_velocity)) and _finite(e.gyro_bias)
+            and _finite(e.accel_bias)):
+        return False
+    if not (_covariance(e.pose_covariance) and _covariance(e.twist_covariance)):
+        return False
+    for x in (e.barometer_offset, e.sonar_innovation, e.flow_innovation[0], e.flow_innovation[1],
+              e.barometer_innovation):
+        if math.isinf(x):
+            return False
+    for x in (e.sonar_test_ratio, e.flow_test_ratio, e.barometer_test_ratio):
+        if x < 0.0:
+            return False
+    return 0 <= e.status <= STATUS_NOMINAL and _health(e) and _counts((
+        e.sonar_refused, e.flow_refused, e.barometer_refused, e.invalid_samples))
+
+
+def complaint(e: Estimate) -> str:
+    """Return the field of an estimate that cannot be used, with its value; empty: none."""
+    for name, numbers in zip(('position', 'velocity', 'attitude', 'body rate'), e.state):
+        if not all(map(math.isfinite, numbers)):
+            return f'{name} = {numbers}'
+    if not is_unit(e.state.q):
+        return (f'attitude = {e.state.q}, a quaternion of length {norm(e.state.q):.3g} instead '
+                'of 1')
+    for name in ('height', 'vertical_velocity'):
+        if not math.isfinite(getattr(e, name)):
+            return f'{name} = {getattr(e, name)}'
+    for name in ('gyro_bias', 'accel_bias'):
+        if not all(map(math.isfinite, getattr(e, name))):
+            return f'{name} = {getattr(e, name)}'
+    for name in ('pose_covariance', 'twist_covariance'):
+        P = getattr(e, name)
+        if not all(map(math.isfinite, P)):
+            k = next(k for k, x in enumerate(P) if not math.isfinite(x))
+            return f'{name}[{k}] = {P[k]}'
+        if min(P[::7]) < 0.0:  # the diagonal
+            k = 7 * P[::7].index(min(P[::7]))
+            return f'{name}[{k}] = {P[k]}, a variance below 0'
+    for name in ('barometer_offset', 'sonar_innovation', 'flow_innovation',
+                 'barometer_innovation'):
+        x = getattr(e, name)
+        if any(map(math.isinf, x if isinstance(x, tuple) else (x,))):
+            return f'{name} = {x}: NaN means that there is none'
+    for name in ('sonar_test_ratio', 'flow_test_ratio', 'barometer_test_ratio'):
+        if getattr(e, name) < 0.0:
+            return f'{name} = {getattr(e, name)}, below 0'
+    if not 0 <= e.status <= STATUS_NOMINAL:
+        return f'status = {e.status}: wanted 0 to {STATUS_NOMINAL}'
+    for name, numbers, largest in (
+            ('health.health', e.health.health, health.STUCK),
+            ('health.age', e.health.age, LONGEST_AGE),
+            ('health.not_finite', e.health.not_finite, LARGEST_COUNT)):
+        if not all(0 <= x <= largest for x in numbers):
+            return f'{name} = {numbers}: wanted 0 to {largest:g}'
+    for name in ('sonar_refused', 'flow_refused', 'barometer_refused', 'invalid_samples'):
+        if not 0 <= getattr(e, name) <= LARGEST_COUNT:
+            return f'{name} = {getattr(e, name)}: wanted 0 to {LARGEST_COUNT}'
+    return ''
 
 
 def tilt_deviation(pose_covariance: Sequence[float]) -> float:

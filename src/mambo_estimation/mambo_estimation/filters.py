@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 from mambo_model import slots
 from mambo_model.compiled import by_type, jit, jit_inside, objmode, typeof
 from mambo_model.components import Component, Registry
-from mambo_model.motion.quaternion import is_unit, norm
 from mambo_model.motion.rigid_body import State
 from mambo_model.slots import PlainMemory, PlainValues, UnusableError
 from mambo_model.values import values
@@ -24,7 +23,7 @@ from mambo_model.values import values
 from . import kalman, support_package
 from .capture import aided
 from .capture.pose_parameters import AidedValues
-from .estimate import Estimate, of_state, STATUS, STATUS_DEAD_RECKONING
+from .estimate import complaint, Estimate, is_sound, of_state, STATUS_DEAD_RECKONING
 from .joint import filter as joint
 from .joint.joint_parameters import JointParams
 from .kalman import EstimatorParams
@@ -85,25 +84,16 @@ def read(answer: Any) -> Estimate:
     Raises
     ------
     UnusableError
-        If it is not an estimate, its state is not finite, or its quaternion is not of length 1.
+        If it is not an estimate, or a field of it has another type, shape or range.
 
     """
     if not isinstance(answer, Estimate):
         raise UnusableError(
             f'step returned {type(answer).__name__} instead of an Estimate: create it with '
             'mambo_estimation.estimate.of_state')
-    try:
-        out = slots.typed(answer, _LOST)
-    except (TypeError, ValueError):
-        raise UnusableError('a field of the estimate has another type or shape') from None
-    for name, numbers in zip(('position', 'velocity', 'attitude', 'body rate'), out.state):
-        if not all(map(math.isfinite, numbers)):
-            raise UnusableError(f'step answers {name} = {numbers}')
-    if not is_unit(out.state.q):
-        raise UnusableError(f'step answers attitude = {out.state.q}, a quaternion of length '
-                            f'{norm(out.state.q):.3g} instead of 1')
-    if not 0 <= out.status < len(STATUS):
-        raise UnusableError(f'step answers status = {out.status}')
+    out = slots.typed(answer, _LOST)
+    if wrong := complaint(out):
+        raise UnusableError(f'step answers {wrong}')
     return out
 
 
@@ -146,15 +136,6 @@ def _plain_step(memory, dt, gyro, accel, sonar, flow, quality, pressure, own, sl
     return failed, memory, estimate
 
 
-@jit
-def _sound(e: Estimate) -> bool:
-    """Tell whether an estimate can be used."""
-    s = e.state
-    total = s.rho[0] + s.rho[1] + s.rho[2] + s.nu[0] + s.nu[1] + s.nu[2]
-    total += s.q[0] + s.q[1] + s.q[2] + s.q[3] + s.omega[0] + s.omega[1] + s.omega[2]
-    return math.isfinite(total) and is_unit(s.q)
-
-
 _STEPS: dict[type, Any] = {}  # of compiled ones from outside, by the type of their values
 _INITIALS: dict[type, Any] = {}
 _compiled = by_type(8, _STEPS)
@@ -169,7 +150,7 @@ def _compiled_step(memory, dt, gyro, accel, sonar, flow, quality, pressure, own,
             memory, dt, gyro, accel, sonar, flow, quality, pressure, own)
     except Exception:
         failed = True
-    if failed or not _sound(estimate):
+    if failed or not is_sound(estimate):
         failed = True
         with objmode():
             _report(slot, memory, dt, gyro, accel, sonar, flow, quality, pressure)

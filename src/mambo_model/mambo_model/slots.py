@@ -32,6 +32,7 @@ _COLOUR = re.compile(r'\x1b\[\d*m')  # of a compiler that takes every output for
 _KEPT = 64  # slots, of the last flights of this process
 _SLOTS: OrderedDict[int, Slot] = OrderedDict()
 _NUMBERS = itertools.count()
+_NUMBER = {float: 'a number', int: 'a whole number', bool: 'True or False'}
 
 
 class UnusableError(InputError):
@@ -207,16 +208,49 @@ def typed(value: Any, like: Any) -> Any:
 
     Raises
     ------
-    TypeError, ValueError
-        If it has another shape, or a number that cannot have its type.
+    UnusableError
+        Naming the part that has another shape, or a number that cannot have its type.
 
     """
+    try:
+        return _typed(value, like)
+    except (TypeError, ValueError, OverflowError):
+        raise UnusableError(f'step answers {_wrong(value, like, "")}') from None
+
+
+def _typed(value: Any, like: Any) -> Any:
+    """Return the same; TypeError, ValueError or OverflowError for what is wrong."""
     if not isinstance(like, tuple):
-        if isinstance(value, (str, bytes)):
-            raise TypeError('a text is no number')
-        return type(like)(value)
-    parts = [typed(x, part) for x, part in zip(value, like, strict=True)]
+        kind = type(like)
+        if isinstance(value, (str, bytes)) or kind is not float and kind(value) != value:
+            raise TypeError
+        return kind(value)
+    if type(value) is tuple and len(value) == len(like) and (
+            {*map(type, value)} == {*map(type, like)} == {float}):  # most of them, at once
+        return value
+    parts = [_typed(x, part) for x, part in zip(value, like, strict=True)]
     return type(like)(*parts) if hasattr(like, '_fields') else tuple(parts)
+
+
+def _wrong(value: Any, like: Any, name: str) -> str:
+    """Return which part of an answer has another type or shape, its value and what is wanted."""
+    if not isinstance(like, tuple):
+        return f'{name} = {shown(value)}: wanted {_NUMBER[type(like)]}'
+    names = getattr(like, '_fields', None)
+    try:
+        parts = () if isinstance(value, (str, bytes)) else tuple(value)
+    except TypeError:
+        parts = ()
+    if len(parts) != len(like):
+        wanted = ', '.join(names) if names else f'{len(like)} numbers'
+        return f'{name} = {shown(value)}: wanted {wanted}'
+    for i, (x, part) in enumerate(zip(parts, like, strict=True)):
+        try:
+            _typed(x, part)
+        except (TypeError, ValueError, OverflowError):
+            inside = f'.{names[i]}' if names else f'[{i}]'
+            return _wrong(x, part, f'{name}{inside}'.lstrip('.'))
+    return name
 
 
 def _kind(value: Any) -> str:

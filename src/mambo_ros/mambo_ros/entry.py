@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 from importlib import import_module
 import os
+import resource
 import signal
 import sys
 
@@ -43,6 +44,9 @@ class Entry:
                          f'{signal.Signals(number).name}\n'.encode())
             os._exit(128 + number)
 
+        if resource.getrlimit(resource.RLIMIT_FSIZE)[0] != resource.RLIM_INFINITY:
+            # Python takes a file that the limit cut off for whole, and would read it ever after
+            sys.dont_write_bytecode = True
         for number in ending():
             signal.signal(number, leave)
         sys.exit(import_module(self.name).main())

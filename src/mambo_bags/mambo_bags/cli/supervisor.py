@@ -122,6 +122,9 @@ def _status_of(
             latest = signal.Signals(numbers[-1])
         if handle in ready:
             code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+            if code < 0 and select.select([read], [], [], _DELAY)[0]:
+                # of the terminal, whose signal came to the child first
+                latest = signal.Signals(os.read(read, 256)[-1])
             return code, latest if code < 0 and -code not in SIGNALS else None
         for number in numbers:
             seen[number] += 1
@@ -151,8 +154,8 @@ def _is_stopped(child: int) -> bool:
 def _exit_as(code: int, path: Path) -> NoReturn:
     """End this process as its copy ended; JobError if the copy did not end by itself."""
     signal.set_wakeup_fd(-1)
-    if _notes[_ENDED] and code >= 0:
-        os._exit(code)
+    if code >= 0 and (_notes[_ENDED] or code - 128 in SIGNALS and _notes[code - 128]):
+        os._exit(code)  # also of a signal that the command has answered by its line
     if -code in SIGNALS:  # no handler for it, as if there were one process
         signal.signal(-code, signal.SIG_DFL)
         os.kill(os.getpid(), -code)

@@ -165,12 +165,14 @@ def _stated_duration(function: Any, module: Any, where: str) -> float | None:
     if value is None or callable(value):
         return None
     try:
+        if isinstance(value, (str, bytes, bool)):  # which float() would read
+            raise TypeError
         return float(value)
     except (TypeError, ValueError):
         raise InputError(f'{where}: duration = {value!r} is not a number of seconds') from None
 
 
-def _message(path: Path | None, error: Exception, name: str = '') -> str:
+def _message(path: Path | None, error: BaseException, name: str = '') -> str:
     """Return file, line and text of an error in a user's file."""
     at = fault_place(path, error) if path is not None else name
     return f'{at}: {describe(error)}'
@@ -182,8 +184,10 @@ def _values(source: Source, t: float) -> Array:
         found = np.asarray(source.function(t))
         if found.dtype.kind in 'US':  # which numpy would read as numbers
             raise TypeError(f'{found.tolist()} is text, not numbers')
+        if found.dtype.kind == 'c':  # of which it would take the real part
+            raise TypeError(f'{found.tolist()} is complex')
         values = found.astype(float)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise InputError(f'{_message(source.path, error, source.name)}, at t = {t:g} s') from None
     rows = values if values.ndim == 2 else values[None]
     if values.ndim not in (1, 2) or rows.shape[1] not in (3, 4) or not (

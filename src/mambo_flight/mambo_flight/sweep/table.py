@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 import fcntl
 import hashlib
 import json
@@ -100,7 +101,9 @@ class Journal:
     Raises
     ------
     SweepError
-        If the file belongs to another sweep, is being written or cannot be written.
+        If the file belongs to another sweep, is being written or cannot be opened.
+    mambo_model.errors.JobError
+        If it cannot be written, also by :meth:`add`.
 
     """
 
@@ -116,7 +119,7 @@ class Journal:
             self._stream.truncate(good)  # drop a line that an interruption cut off
             if not good:
                 self._put(header)
-        except SweepError:
+        except (SweepError, JobError):
             self._stream.close()
             raise
         except OSError as error:
@@ -155,8 +158,14 @@ class Journal:
         return good
 
     def _put(self, line: bytes) -> None:
-        self._stream.write(line)
-        self._stream.flush()
+        try:
+            self._stream.write(line)
+            self._stream.flush()
+        except OSError as error:
+            with suppress(OSError):  # of the rest that is not written
+                self._stream.close()
+            raise JobError(
+                f'{self.path}: cannot be written ({error.strerror}); {KEPT}') from None
 
     def add(self, number: int, row: dict[str, Any]) -> None:
         """Add a finished row."""

@@ -59,7 +59,8 @@ class Pair(NamedTuple):
     def collided(self) -> str:
         """Return that the pair collided, as one line."""
         distance, t = self.least
-        return f'{" and ".join(self.names)} collided: {distance:.3f} m apart at t = {t:.3f} s'
+        return (f'{" and ".join(self.names)} collided: {distance:.3f} m apart at their nearest, '
+                f'at t = {t:.3f} s')
 
 
 def pairs(tracks: Mapping[str, Track]) -> list[Pair]:

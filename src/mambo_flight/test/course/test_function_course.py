@@ -1,6 +1,8 @@
 """Functions of time as courses: against their own derivatives; faults name file and line."""
 
 import math
+import re
+import sys
 
 from hypothesis import given, settings, strategies as st
 from mambo_flight.course import function_course
@@ -35,6 +37,8 @@ def test_three_numbers_have_no_yaw():
 
 @pytest.mark.parametrize(('function', 'message'), [
     (lambda t: ('1', 0.0, -1.0), r'is text, not numbers, at t = 0 s'),
+    (lambda t: (t * (1 + 5j), 0.0, -1.0), r'is complex, at t = 0 s'),
+    (lambda t: sys.exit(0) if t > 1 else (t, 0.0, -1.0), 'SystemExit: 0, at t = 1'),
     (lambda t: (t, 0.0), r'the function: returns an array of shape \(2,\) at t = 0 s; it must be'),
     (lambda t: (t, math.nan, -1.0), r'the function: returns \[0.0, nan, -1.0'),
     (lambda t: (abs(t - 0.9), 0.0, -1.0), 'is not smooth enough: with 512 polynomials'),
@@ -104,9 +108,11 @@ def test_a_file_with_several_functions_has_a_usual_one(tmp_path):
         'def a(t):\n    return t, 0, -1\n\n\ndef trajectory(t):\n    return 0, t, -1\n')
     found = function_course.load(str(path))
     assert found.name.endswith('several.py:trajectory') and found.duration is None
-    path.write_text('duration = "long"\n\n\ndef f(t):\n    return 0, t, -1\n')
-    with pytest.raises(InputError, match="duration = 'long' is not a number of seconds"):
-        function_course.load(str(path))
+    for stated in ("'long'", "'12'", 'True', '[3]'):
+        path.write_text(f'duration = {stated}\n\n\ndef f(t):\n    return 0, t, -1\n')
+        with pytest.raises(InputError, match=re.escape(
+                f'duration = {stated} is not a number of seconds')):
+            function_course.load(str(path))
 
 
 def test_an_installed_function_is_found_by_its_entry_point(monkeypatch):

@@ -1,10 +1,13 @@
 """The journal of a sweep and its table: nothing finished is lost, nothing foreign is taken."""
 
+import resource
+import signal
 from types import SimpleNamespace
 
 from hypothesis import given, settings, strategies as st
 from mambo_flight.sweep import table
 from mambo_flight.sweep.table import batches, columns, Journal, parameters, SweepError, write
+from mambo_model.errors import JobError
 import numpy as np
 import pyarrow.parquet as parquet
 import pytest
@@ -115,6 +118,24 @@ def test_a_journal_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / 'file').write_text('')
     with pytest.raises(SweepError, match='file'):
         Journal(tmp_path / 'file' / 'rows', 'a')
+
+
+def test_a_row_that_cannot_be_written_is_one_line_with_the_file(tmp_path):
+    journal = Journal(tmp_path / 'a.rows', 'head')
+    journal.add(0, {'x': 1.0})
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    old = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (60, before[1]))
+        with pytest.raises(JobError, match=r'a\.rows: cannot be written \(File too large\); '
+                                           'finished flights are kept'):
+            for number in range(1, 9):
+                journal.add(number, {'x': 1.0})
+        journal.leave()  # as the command does; nothing of it is written once more
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, old)
+    assert Journal(tmp_path / 'a.rows', 'head').rows[0] == {'x': 1.0}
 
 
 def test_a_journal_is_removed_when_the_result_has_everything(tmp_path):
