@@ -131,6 +131,9 @@ def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
             '--without and --composed exclude each other: your node needs the others as processes')
     if options.natnet:
         flight = _with_natnet(flight, options)
+    if 'optitrack' in options.without and flight.estimator_node.waits_for_capture:
+        # a hall of the user's publishes poses, and no ticks
+        flight = scenarios.override(flight, {'estimator_node.synchronise': 'arrival'})
     flown = flight.sim_node
     if flown.mode != 'realtime' and (options.speed is not None or flown.speed != 1.0):
         option = '--speed' if options.speed is not None else '--set sim_node.speed'
@@ -189,6 +192,8 @@ def _run(options: argparse.Namespace) -> None:
         return
     for line in flight_options.remarks(flight, options.stretch):
         print(line)
+    if options.scenario and (left := scenario_file.others(options.scenario)):
+        print(f'the first of {1 + len(left)} flights of the file; the others: {", ".join(left)}')
     world = flight_options.world(options)
     if world.drones == 1:
         _fly_and_report(name, {NAMESPACE: flight}, options)

@@ -157,6 +157,14 @@ def test_set_takes_any_parameter(assignment, value):
     assert schema.flatten(run('--set', assignment)[0])[name] == value
 
 
+@pytest.mark.parametrize(('options', 'synchronise'), [
+    (['--scenario', 'motion_capture', '--without', 'optitrack'], 'arrival'),
+    (['--scenario', 'motion_capture'], 'watermark'), (['--without', 'optitrack'], 'watermark')])
+def test_poses_of_a_hall_of_ones_own_are_not_waited_for(options, synchronise):
+    """It publishes no ticks, which would say whether a pose is to come."""
+    assert run(*options)[0].estimator_node.synchronise == synchronise
+
+
 def test_set_can_be_repeated_and_comes_last():
     flown, _ = run('--seed', '3', '--set', 'optitrack_node.seed=4', '--mode', 'realtime',
                    '--set', 'sim_node.speed=5')

@@ -17,7 +17,7 @@ from mambo_ros.commands.services import seconds, Services
 from .commanded import evaluation
 from .commanded.commander import Commander
 from .commanded.script import STEP_NS
-from .commanded.streams import from_wire, Joystick, Setpoints
+from .commanded.streams import from_wire, Joystick, rehearse, Setpoints
 from .parameters import ReferenceNodeParams
 
 _AHEAD = 100_000_000  # ns, by which a setpoint may be ahead of the flight
@@ -78,8 +78,7 @@ class ReferenceNode(node.MamboNode[ReferenceNodeParams]):
         """Accept commands."""
         p, self._commander = self.params.commands, Commander(
             self.params.commands, self.params.vehicle)
-        # have what checks a path in memory before the first command
-        Commander(p, self.params.vehicle).give(FlightCommand(0, fc.TAKEOFF, height=p.ceiling))
+        rehearse(p, self.params.vehicle)
         self._renew()
         self._command = self.advertise(topics.COMMAND)
         self._diagnostics, self._reported = self.advertise(topics.DIAGNOSTICS), 0

@@ -42,6 +42,7 @@ from .course import course_file
 from .scenario import ParameterReader, Place
 
 FOLDER = Path(__file__).with_name('scenarios')
+_FLIGHT = re.compile(r'\w[\w.-]{0,99}')  # name of one in a file
 
 
 @dataclasses.dataclass(frozen=True)
@@ -194,6 +195,9 @@ def find(name: str) -> Path:
         return FOLDER / f'{name}.yaml'
     if Path(name).suffix in ('.yaml', '.yml'):
         return Path(name)
+    file, _, flight = name.rpartition('/')
+    if Path(file).suffix in ('.yaml', '.yml') and Path(file).is_file():
+        raise schema.ParameterError(f'a flight of a file is written {file}:{flight}')
     is_bag = Path(name).suffix == '.mcap' or os.path.isfile(os.path.join(name, 'metadata.yaml'))
     what = 'a bag' if is_bag else 'unknown'
     raise schema.ParameterError(
@@ -241,6 +245,10 @@ def read(path: Path, over: Mapping[str, Place] | None = None) -> Experiment:
             for name, (_, below) in reader.mapping(node, 'flights').items()}
         if not flights:
             reader.fail(node, 'flights', 'holds no flight')
+        for name, (key, _) in reader.mapping(node, 'flights').items():
+            if not _FLIGHT.fullmatch(name):  # its bag is named after it
+                reader.fail(key, 'flights', f'{schema.shown(name)} is no name of a flight: letters'
+                            ', digits, _, - and points, the first no point')
     common = reader.layer(keys)
     layers = {
         name: last.over(layer.over(common)) for name, layer in (flights or {'': common}).items()}
@@ -266,6 +274,14 @@ def _refuse_plans(layers: Mapping[str, _Layer], built: Mapping[str, scenarios.Sc
     for name in commanded:
         unused.refuse_plan(built[name].reference_node, dict(
             place for place in places[name].items() if place not in planned))
+
+
+def others(name: str) -> list[str]:
+    """Return the names of the flights of a file that :func:`load` leaves out, as it takes them."""
+    experiment, flight = _parts(name)
+    if flight or experiment in names():
+        return []
+    return [f'{experiment}:{other}' for other in list(read(find(experiment)).flights)[1:]]
 
 
 def load(name: str, over: Mapping[str, Place] | None = None) -> tuple[str, scenarios.Scenario]:
@@ -319,7 +335,7 @@ def refuse_several(name: str, over: Mapping[str, Place] | None = None) -> None:
 
 def _parts(name: str) -> tuple[str, str | None]:
     """Return experiment and flight of a name as for :func:`load`."""
-    if found := re.fullmatch(r'(.+\.ya?ml):(\w+)', name):
+    if found := re.fullmatch(rf'(.+\.ya?ml):({_FLIGHT.pattern})', name):
         return found[1], found[2]
     if name.endswith(('.yaml', '.yml')):
         return name, None

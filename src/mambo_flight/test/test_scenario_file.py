@@ -1,5 +1,6 @@
 """Scenario files: every experiment of the thesis can be flown, whatever is wrong is located."""
 
+import json
 import re
 
 from mambo_flight import scenario_file
@@ -207,3 +208,21 @@ def test_a_file_of_several_drones_is_refused_where_one_is_flown(file):
 def test_a_parameter_contradicts_a_setting_that_gives_it_another_value(
         settings, parameters, found):
     assert scenario_file.contradicted(settings, parameters) == found
+
+
+@pytest.mark.parametrize('name', ['../escaped', 'a/b', '.hidden', 'two words', 'x' * 200])
+def test_a_name_of_a_flight_that_can_leave_the_folder_of_bags_is_refused(tmp_path, name):
+    file = tmp_path / 'own.yaml'
+    file.write_text(f'title: x\nflights:\n  good: {{}}\n  {json.dumps(name)}: {{seed: 1}}\n')
+    with pytest.raises(schema.ParameterError, match=r'own\.yaml:4: flights: .* is no name of a f'):
+        scenario_file.read(file)
+
+
+def test_the_other_flights_of_a_file_are_named_as_they_are_loaded(tmp_path):
+    file = tmp_path / 'own.yaml'
+    file.write_text('title: x\nflights:\n  first: {seed: 1}\n  se-cond: {seed: 2}\n')
+    assert scenario_file.others(str(file)) == [f'{file}:se-cond']
+    assert scenario_file.load(f'{file}:se-cond')[1].seed == 2
+    assert scenario_file.others(f'{file}:first') == scenario_file.others('fig_5_11') == []
+    with pytest.raises(schema.ParameterError, match=f'a flight of a file is written {file}:sec'):
+        scenario_file.load(f'{file}/second')

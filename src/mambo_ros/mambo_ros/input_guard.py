@@ -30,6 +30,7 @@ from .graph.publisher_guard import LARGEST, PublisherGuard
 from .layout import LayoutError
 
 LEAP = 1_000_000_000  # ns
+LATEST = (2**31 - 86_401) * 1_000_000_000  # ns: a day before the last second that a stamp can hold
 CONFIRMATIONS = 10  # messages after a leap before it is accepted
 LARGEST_PWM = 65_535.0  # largest pwm_max that a vehicle may have
 
@@ -154,8 +155,8 @@ class InputGuard(PublisherGuard):
                 return
             elif self._leapt:
                 self._end_leap(True)
-        elif t < 0:
-            self._refuse(NEGATIVE, publisher)
+        elif t < 0 or t > LATEST:
+            self._refuse(NEGATIVE if t < 0 else MALFORMED, publisher)
             return
         if self._check is not None and (wrong := self._check(value)):
             if not self._tolerant:
@@ -230,6 +231,8 @@ class InputGuard(PublisherGuard):
         """Return the reason to refuse a stamp that is not simply the next one; empty if none."""
         if t < 0:
             return NEGATIVE
+        if t > LATEST:
+            return MALFORMED
         if t <= self.last:
             return BEHIND
         if self._now is None:

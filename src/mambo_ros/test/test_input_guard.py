@@ -104,7 +104,8 @@ def test_nobody_becomes_the_accepted_publisher_by_waiting():
 
 
 @pytest.mark.parametrize('t, reason', [
-    (3 * STEP, input_guard.BEHIND), (2 * STEP, input_guard.BEHIND), (-1, input_guard.NEGATIVE)])
+    (3 * STEP, input_guard.BEHIND), (2 * STEP, input_guard.BEHIND), (-1, input_guard.NEGATIVE),
+    ((2**31 - 1) * 10**9, input_guard.MALFORMED)])  # the second after it has no stamp
 def test_a_stamp_that_is_not_new_is_refused(t, reason):
     one = Input()
     one.now = 4 * STEP

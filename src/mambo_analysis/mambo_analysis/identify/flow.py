@@ -13,7 +13,7 @@ inertial axes, turned into body axes.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,7 +22,7 @@ from mambo_bags.command import Parser
 from mambo_flight.closed_loop import Recording
 from mambo_model import palette
 from mambo_model.frames import body_quaternion, flip_vector
-from mambo_signals import height_check, motion, outliers
+from mambo_signals import motion, outliers
 from mambo_signals.derivative import body_rates, local_fit
 from matplotlib.figure import Figure
 import numpy as np
@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 import yaml
 
-from . import regression, result
+from . import flow_doubts, regression, result
 from .regression import IdentifyError, Value
 from .sensors.statistics import jackknife
 
@@ -58,6 +58,7 @@ class Samples(NamedTuple):
     depth: Floats     # (n,) m, Z
     rotation: Floats  # (n, 2) rad/s, omega_2 and -omega_1: what a sensor without gyro adds
     impossible: int = 0  # poses that cannot be true and were left out
+    notes: Sequence[str] = ()  # on the recording
 
 
 class Factor(NamedTuple):
@@ -332,9 +333,11 @@ def read(
 ) -> Samples:
     """Return the samples of a bag with ``optical_flow`` and ``optitrack/pose``; shift in s."""
     bag = result.open_bag(
-        path, ('optical_flow', 'optitrack/pose'), namespace, also=('sonar/range',))
-    for line in height_check.of_bag(bag):
-        raise IdentifyError(f'{path}: {line}')
+        path, ('optical_flow', 'optitrack/pose'), namespace, also=('sonar/range', 'imu/data_raw'))
+    try:
+        flow_doubts.refuse(bag)
+    except IdentifyError as error:
+        raise IdentifyError(f'{path}: {error}') from None
     flow, pose = bag['optical_flow'], motion.read(bag, 'optitrack/pose')
     seen = np.isfinite(pose.quaternion).all(axis=1)
     begin = min(pose.t[0], flow.t[0])
@@ -346,13 +349,19 @@ def read(
     found = samples(
         flow.t - begin, sensed, pose.t[seen] - begin + shift, np.array(position).reshape(-1, 3),
         np.array(q).reshape(-1, 4), floor, start, end, lowest)
-    return found._replace(impossible=pose.impossible)
+    if len(found.t) < LEAST and pose.impossible > len(pose.t) // 2:
+        raise IdentifyError(f'{path}: {outliers.describe("optitrack/pose", pose.impossible)}')
+    return found._replace(impossible=pose.impossible, notes=flow_doubts.floor(bag))
 
 
 def _report(path: Path, data: Samples, leak: bool, slowest: float) -> result.Report:
     """Return the factor by every law that the range of heights can distinguish."""
     laws = LAWS if len(data.t) and np.ptp(data.height) >= SPREAD else LAWS[:1]
     found = {law: fit_factor(data, law, leak, slowest) for law in laws}
+    geometric = data.velocity / data.depth[:, None]
+    doubts = [*data.notes, *flow_doubts.refuse_late(data.t, data.flow, geometric),
+              *flow_doubts.unequal(data.flow, geometric),
+              *flow_doubts.size(found['constant'].offset.value)]
     values = {'Q constant': found['constant'].offset}
     notes = ['flow is no part of a vehicle: estimator.yaml is for the estimator']
     best = 'constant'
@@ -366,6 +375,7 @@ def _report(path: Path, data: Samples, leak: bool, slowest: float) -> result.Rep
         notes.append(f'heights differ by less than {SPREAD:g} m: no law of the height')
     if data.impossible:
         notes.append(outliers.describe('optitrack/pose', data.impossible))
+    notes += doubts
     if leak:
         values['share of the rotation'] = found[best].leak
     facts = {

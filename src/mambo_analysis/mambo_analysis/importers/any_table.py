@@ -317,6 +317,13 @@ class _Rows:
 
     def _motor_pwm(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:
         plausible.refuse_commands(f'{self.path}: motor_pwm', found['pwm'][usable])
+        pwm = found['pwm']
+        wrong = usable & ((pwm < 0.0) | (pwm > plausible.LARGEST_PWM)).any(axis=1)
+        if wrong.any():
+            usable &= ~wrong
+            self.notes.append(
+                f'motor_pwm: {int(wrong.sum())} of {len(usable)} rows have a command outside of 0 '
+                f'to {plausible.LARGEST_PWM:g}: left out')
         return lambda row: {'pwm': found['pwm'][row]}
 
     def _battery(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:

@@ -31,6 +31,9 @@ Floats = NDArray[np.float64]
 Vector = tuple[float, float, float]
 
 APART = 0.5          # m, mean of estimate less motion: beyond, they have different frames
+OTHER_REFERENCE = 1.0  # m, median from the flight; 0.68 at most in 85 real ones, fast ovals
+OTHER_ESTIMATE = 0.2   # m, likewise of the estimate; 0.07 at most, fed by motion capture
+TAKES_OFF = 0.6        # s with the motors on before the flight; 0.9 at least in them
 
 
 class Gains(NamedTuple):
@@ -146,6 +149,24 @@ def _mistakes(flight: Recorded, angles: Floats, mistaken: bool) -> _Told:
     return _Told(*(np.nan_to_num(x) for x in (
         own.position - flight.position, own.velocity - flight.velocity,
         np.where(good[:, None], wrong, 0.0))))
+
+
+def doubts(flight: Recorded) -> list[str]:
+    """Return lines about what makes the closed loop of a flight another one."""
+    own, air, out = flight.onboard, flight.air, []
+    if own is None or not np.isfinite(own.reference[air]).all():
+        return []
+    for what, place, limit in (('reference', own.reference, OTHER_REFERENCE),
+                               ('estimate of the drone', own.position, OTHER_ESTIMATE)):
+        far = np.linalg.norm(place[air] - flight.position[air], axis=1)
+        far = far[np.isfinite(far)]
+        if len(far) and (usual := float(np.median(far))) > limit:
+            out.append(f'{flight.name}: the {what} is {usual:.2f} m from the flight (median): is '
+                       'it of this flight, and are axes, unit and clock those of the motion?')
+    if (air.start - _first(flight)) * STEP < TAKES_OFF:
+        out.append(f'{flight.name}: what is used begins in the air: the integrals of the '
+                   'simulated controller begin at 0, and its height is off at first')
+    return out
 
 
 def _first(flight: Recorded) -> int:

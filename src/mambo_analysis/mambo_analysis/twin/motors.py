@@ -23,6 +23,7 @@ from .windows import EVERY, HORIZON, PAST
 
 Floats = NDArray[np.float64]
 
+WORSE = 1.2  # [-] attitude error over that of keeping it; no note on seven real flights
 BASELINE = (0.127, 0.578, 0.254)
 """m, m/s, rad after 0.5 s: a published physics model of a Crazyflie, in another set of flights."""
 
@@ -47,6 +48,15 @@ class MotorWindows(NamedTuple):
         """Return the mean errors of the model: m, m/s, rad."""
         return (float(self.position.mean()), float(self.velocity.mean()),
                 float(self.attitude.mean()))
+
+
+def doubts(rows: Sequence[tuple[str, MotorWindows]]) -> list[str]:
+    """Return a line about flights whose attitude is predicted worse than by keeping it."""
+    worse = [name for name, row in rows
+             if float(row.attitude.mean()) > WORSE * float(row.kept.mean())]
+    return [f'{", ".join(worse)}: the commands predict the attitude worse than keeping it does: '
+            'are they of this flight, and is the order of the motors that of the others?'
+            ] if worse else []
 
 
 def predict_all(

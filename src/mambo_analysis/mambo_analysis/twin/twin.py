@@ -228,6 +228,8 @@ def _work(options: argparse.Namespace) -> None:
         more.append(agreement.table(agreement.identified([row.flight for row in rows])))
     notes = [line for row in rows for line in reading_notes(row.flight)]
     notes += unlike_batteries([row.flight for row in rows])
+    notes += motors.doubts([(row.name, row.motors) for row in rows if row.motors is not None])
+    notes += [line for row in rows if row.loops[0] is not None for line in loop.doubts(row.flight)]
     if options.json != '-':
         print('\n\n'.join([table(rows, options.horizon), *map(as_text, more)]))
         print(''.join(f'note: {line}\n' for line in notes), end='')

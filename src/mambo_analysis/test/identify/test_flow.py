@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 from interval_checks import assert_covers
-from mambo_analysis.identify import flow
+from mambo_analysis.identify import flow, flow_doubts
 from mambo_analysis.identify.flow import fit_factor, from_recording, main, Samples, samples
 from mambo_analysis.identify.regression import IdentifyError
 from mambo_bags.reader import read_bag
@@ -261,7 +261,7 @@ def test_axes_of_another_frame_are_told(matrix, message):
 
 
 def test_a_height_that_contradicts_the_range_is_refused(monkeypatch):
-    monkeypatch.setattr(flow.height_check, 'of_bag', lambda bag: ['in feet'] * (
+    monkeypatch.setattr(flow_doubts.height_check, 'of_bag', lambda bag: ['in feet'] * (
         'sonar/range' in bag and 'optitrack/pose' in bag))
     with pytest.raises(IdentifyError, match='circle_short: in feet'):
         flow.read(BAG, 0.0, -np.inf, np.inf, 0.0, None)

@@ -536,3 +536,29 @@ def test_a_ramp_of_the_commands_at_the_end_was_measured(tmp_path):
     counts, notes = import_table(source, tmp_path / 'continued', mapping)
     assert counts['/mambo/motor_pwm'] == counts['/mambo/imu/data_raw'] == N - 24
     assert any(note.startswith('motor_pwm: 24 rows left out, from 0.26 s to') for note in notes)
+
+
+PWM = 'time: {column: t, unit: s}\ntopics:\n  motor_pwm: {pwm: [a, b, c, d]}\n'
+
+
+def test_one_command_beyond_any_motor_is_left_out_and_counted(tmp_path):
+    rows = [f'{0.01 * k:.2f},400,{1e9 if k == 30 else 410},390,{405 + k % 2}' for k in range(99)]
+    (tmp_path / 'a.csv').write_text('\n'.join(['t,a,b,c,d', *rows]) + '\n')
+    (tmp_path / 'm.yaml').write_text(PWM)
+    counts, notes = import_table(tmp_path / 'a.csv', tmp_path / 'bag', tmp_path / 'm.yaml')
+    assert counts['/mambo/motor_pwm'] == 98
+    assert 'motor_pwm: 1 of 99 rows have a command outside of 0 to 65535: left out' in notes
+    assert read_bag(tmp_path / 'bag')['motor_pwm'].pwm.max() == 410.0
+
+
+@pytest.mark.parametrize(('end', 'rows', 'cut'), [
+    ('\n', 99, False), ('', 99, False), (',405', 99, False), ('\n1,400,410,39', 99, True)])
+def test_a_last_line_that_is_cut_off_is_left_out(tmp_path, end, rows, cut):
+    """A number without the rest of its digits is another number."""
+    lines = [f'{0.01 * k:.2f},400,410,390,{405 + k % 2}' for k in range(99)]
+    text = '\n'.join(['t,a,b,c,d', *lines])
+    (tmp_path / 'a.csv').write_text(text[:-4] + end if end == ',405' else text + end)
+    (tmp_path / 'm.yaml').write_text(PWM)
+    counts, notes = import_table(tmp_path / 'a.csv', tmp_path / 'bag', tmp_path / 'm.yaml')
+    assert counts['/mambo/motor_pwm'] == rows
+    assert ('the last line of the file is cut off: left out' in notes) == cut

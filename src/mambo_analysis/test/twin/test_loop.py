@@ -2,7 +2,7 @@
 
 from flown import steered, TRUE
 from mambo_analysis.identify.regression import IdentifyError
-from mambo_analysis.twin.loop import Cascade, FIRMWARE, fly, Gains, has_estimate, table
+from mambo_analysis.twin.loop import Cascade, doubts, FIRMWARE, fly, Gains, has_estimate, table
 from mambo_analysis.twin.recorded import Onboard
 import numpy as np
 import pytest
@@ -116,3 +116,19 @@ def test_a_battery_that_is_not_known_is_that_of_the_model():
     unknown = one._replace(voltage=np.full(len(one.t), np.nan))
     same = one._replace(voltage=np.full(len(one.t), STRAIGHT.voltage))
     assert np.allclose(fly(unknown, STRAIGHT, False).position, fly(same, STRAIGHT, False).position)
+
+
+def test_what_makes_the_loop_another_one_is_told():
+    one = recording([0.0, 0.0, 1.0])
+    own, begin = one.onboard, slice(200, one.air.stop)
+    real = one._replace(air=begin, onboard=own._replace(reference=one.position + 0.1))
+    assert doubts(real) == []
+    line, = doubts(real._replace(onboard=own._replace(reference=one.position + [1.5, 0.0, 0.0])))
+    assert 'the reference is 1.50 m from the flight (median)' in line
+    line, = doubts(real._replace(onboard=real.onboard._replace(
+        position=own.position + [0.0, 0.3, 0.0])))
+    assert 'the estimate of the drone is 0.30 m from the flight' in line
+    command = one.command.copy()
+    command[:180] = 0.0  # 0.2 s with the motors on
+    line, = doubts(real._replace(command=command))
+    assert 'what is used begins in the air' in line

@@ -1,7 +1,7 @@
 """Errors of everything from the motors stand beside those without a model."""
 
 from flown import SPIN, steered, TRUE
-from mambo_analysis.twin.motors import BASELINE, MotorWindows, predict_all, table
+from mambo_analysis.twin.motors import BASELINE, doubts, MotorWindows, predict_all, table
 import numpy as np
 import pytest
 
@@ -42,3 +42,11 @@ def test_the_table_has_all_windows_and_the_baseline_at_its_horizon():
                        '0.700', '4']
     assert [rows[3][i] for i in (1, 3, 5)] == [f'{x:.3f}' for x in BASELINE]
     assert len(table([('one', one)], 1.0)[2]) == 2
+
+
+def test_an_attitude_that_is_predicted_worse_than_by_keeping_it_is_told():
+    good = MotorWindows(*(np.full(3, 0.1) for _ in range(7)))
+    bad = good._replace(attitude=np.full(3, 0.16))
+    assert doubts([('one', good), ('two', good._replace(attitude=np.full(3, 0.11)))]) == []
+    line, = doubts([('one', good), ('two', bad)])
+    assert line.startswith('two: the commands predict the attitude worse than keeping it does')

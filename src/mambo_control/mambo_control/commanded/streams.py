@@ -12,11 +12,12 @@ import math
 
 from mambo_model.arithmetic.trigonometry import sin_cos
 from mambo_model.frames import flip_vector
-from mambo_model.motion.flatness import Reference
+from mambo_model.motion.flatness import from_flat_output, Reference
 from mambo_model.motion.flight_command import (
-    FlightCommand, LAND, SETPOINT, STOP, TAKEOFF, VELOCITY)
+    FlightCommand, GO_TO, LAND, SETPOINT, STOP, TAKEOFF, VELOCITY)
 from mambo_model.motion.quaternion import to_euler
 from mambo_model.motion.vector import Vec3
+from mambo_model.vehicle.parameters import Vehicle
 import numpy as np
 
 from .command_params import CommandParams, JoystickParams
@@ -161,6 +162,32 @@ class Setpoints:
                                           there[3][1]))
         self._followed = self._followed or not reason
         self._due = now + (REST if reason else self._period)
+
+
+def rehearse(params: CommandParams, vehicle: Vehicle) -> None:
+    """Have in memory what commands of every kind call, before time starts."""
+    commander = Commander(params, vehicle)
+
+    def give(command: FlightCommand) -> str:
+        """Carry a command out 10 s after the one before."""
+        commander.advance(commander.t + 10_000_000_000)
+        return commander.give(command)[1]
+    for command in (FlightCommand(0, TAKEOFF, height=params.ceiling),
+                    FlightCommand(0, GO_TO, position=(0.1, 0.0, -0.5 * params.ceiling)),
+                    FlightCommand(0, VELOCITY, velocity=(0.1, 0.0, 0.0), duration=1.0)):
+        give(command)
+    stick = [0.0] * (params.joystick.forward + 1)
+    stick[params.joystick.forward] = 0.5
+    Joystick(commander, params, give).take(stick, [0] * params.joystick.enable + [1])
+    v = vehicle.values()
+    there = state_of(commander.timeline, commander.next_step * 1e-9)[0][:3, 0]
+    zero = (0.0, 0.0, 0.0)
+    Setpoints(commander, params, lambda one: commander.give(one)[1]).take(
+        commander.next_step, from_flat_output(
+            (float(there[0]), float(there[1]), float(there[2])), zero, zero, zero, zero, v.mass,
+            v.inertia, v.gravity))
+    commander.give(FlightCommand(0, STOP))
+    commander.give(FlightCommand(0, LAND))
 
 
 def _vector(rows: list[list[float]], order: int) -> Vec3:

@@ -4,7 +4,8 @@ import math
 
 from mambo_control.commanded.command_params import CommandParams, JoystickParams
 from mambo_control.commanded.commander import Commander
-from mambo_control.commanded.streams import from_wire, Joystick, Setpoints, sticks
+from mambo_control.commanded.streams import (
+    from_wire, Joystick, rehearse, Setpoints, sticks)
 from mambo_control.commanded.timeline import state_of
 from mambo_model.motion import flight_command as fc
 from mambo_model.motion.flight_command import FlightCommand
@@ -182,3 +183,17 @@ def test_after_another_command_the_stream_must_pause(flight):
 
 def test_a_goal_on_the_wire_is_z_up():
     assert from_wire((1.0, 2.0, 3.0), 0.5) == ((1.0, -2.0, -3.0), -0.5)
+
+
+def test_commands_of_every_kind_are_rehearsed(monkeypatch):
+    """What they call is compiled then, and not in flight, where it stops the reference."""
+    given, give = [], Commander.give
+
+    def noted(self, command):
+        out = give(self, command)
+        given.append((command.kind, out[1]))
+        return out
+    monkeypatch.setattr(Commander, 'give', noted)
+    rehearse(CommandParams(), Vehicle())
+    assert given == [(kind, '') for kind in (
+        fc.TAKEOFF, fc.GO_TO, fc.VELOCITY, fc.VELOCITY, fc.SETPOINT, fc.STOP, fc.LAND)]

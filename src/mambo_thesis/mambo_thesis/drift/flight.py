@@ -12,10 +12,12 @@ average contains later samples.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 import math
 from pathlib import Path
 from typing import NamedTuple
 
+from mambo_analysis.identify import flow_doubts
 from mambo_analysis.identify.flow import check_axes, Samples
 from mambo_analysis.identify.recording import read_sensors, Stream
 from mambo_analysis.identify.regression import IdentifyError
@@ -24,7 +26,7 @@ from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag, read_bag
 from mambo_flight.closed_loop import Recording
 from mambo_model.frames import flip_vector
-from mambo_signals import height_check, motion
+from mambo_signals import motion
 from mambo_signals.derivative import body_rates, local_fit
 from mambo_signals.resample import columns_at, inside_gaps
 import numpy as np
@@ -389,13 +391,21 @@ def read(paths: Sequence[Path], namespace: str | None = None, lag: float | None 
         If flow or Optitrack is missing, too short, or of another motion (:func:`check`).
 
     """
-    topics = ('optitrack/pose', 'sonar/range', *([estimate] if estimate else []))
+    topics = ('optical_flow', 'optitrack/pose', 'sonar/range', 'imu/data_raw',
+              *([estimate] if estimate else []))
     bags = [read_bag(path, topics, namespace) for path in paths]
     for bag in bags:
-        for line in height_check.of_bag(bag):
-            raise BagError(f'{bag.path}: {line}')
+        if 'optical_flow' in bag and 'optitrack/pose' in bag:
+            try:
+                flow_doubts.refuse(bag)
+            except IdentifyError as error:
+                raise BagError(f'{bag.path}: {error}') from None
     sources = [_source(path, namespace, height, bag)
                for path, bag in zip(paths, bags, strict=True)]
+    for (path, one), (again, other) in combinations(zip(paths, sources, strict=True), 2):
+        if np.array_equal(one.flow.values, other.flow.values, equal_nan=True) and (
+                np.array_equal(one.poses.position, other.poses.position)):
+            raise BagError(f'{again}: the same flight as {path}: each is evidence once')
     if lag is None:
         lag = flow_lag(sources, min_height)
     flights = [source.flight(lag, min_height) for source in sources]

@@ -18,6 +18,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from mambo_analysis.identify import flow_doubts
 from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser, write_json
 from mambo_bags.mcap_reader import BagError
@@ -189,7 +190,9 @@ def _run(options: argparse.Namespace) -> None:
             'units of flow and motion capture, and flow that is 0 where it saw nothing')
     small = negligible(flights, fits[0], evidence.noise)
     lines = [conclusion(fits, small), recommendation(fits, evidence.noise, options.window),
-             rotation_warning(flights), resolution_warning(flights)]
+             rotation_warning(flights), resolution_warning(flights),
+             *(f'{f.name}: {line}' for f in flights for line in flow_doubts.unequal(
+                 f.flow, f.track.nu[:, :2] / f.track.depth[:, None]))]
     lines = [line for line in lines if line]
     if options.json != '-':
         _print_result(flights, lag, fits, evidence.noise, lines)

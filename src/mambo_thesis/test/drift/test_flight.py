@@ -143,7 +143,7 @@ def read_made(tmp_path, monkeypatch, quaternion=True, sonar=None, odom=None, **o
     motions = {'optitrack/pose': pose, 'estimate/odom': odom}
     sensors = SimpleNamespace(flow=sensed(TIMES)[1], gyro=None, sonar=sonar)
     monkeypatch.setattr(drift_flight, 'read_bag', lambda path, topics, namespace: set(topics))
-    monkeypatch.setattr(drift_flight.height_check, 'of_bag', lambda bag: [])
+    monkeypatch.setattr(drift_flight.flow_doubts, 'refuse', lambda bag: None)
     monkeypatch.setattr(drift_flight, 'read_sensors', lambda path, namespace: sensors)
     monkeypatch.setattr(drift_flight.motion, 'read', lambda bag, topic: motions[topic])
     return read([tmp_path / 'bag'], lag=0.0, **options)
@@ -254,7 +254,15 @@ def test_a_flow_later_than_the_search_is_refused_and_a_slow_one_is_not(tmp_path)
 
 
 def test_a_height_that_contradicts_the_range_is_refused(monkeypatch):
-    monkeypatch.setattr(drift_flight.height_check, 'of_bag', lambda bag: ['in feet'] * (
+    check = drift_flight.flow_doubts.height_check
+    monkeypatch.setattr(check, 'of_bag', lambda bag: ['in feet'] * (
         'sonar/range' in bag and 'optitrack/pose' in bag))
     with pytest.raises(BagError, match='circle_short: in feet'):
         read([Path(__file__).parents[4] / 'bags/circle_short'])
+
+
+def test_a_flight_that_is_given_twice_is_refused(tmp_path):
+    bag = write(tmp_path / 'bag', {'slope': 0.07})
+    copy = write(tmp_path / 'copy', {'slope': 0.07})
+    with pytest.raises(BagError, match='copy: the same flight as .*bag: each is evidence once'):
+        read([bag, copy])

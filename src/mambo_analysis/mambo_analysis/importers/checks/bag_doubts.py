@@ -162,6 +162,10 @@ def _inertial(bag: Bag, motions: list[Motion]) -> list[str]:
         if not FORCE[0] <= usual <= FORCE[1]:
             out.append(f'imu/data_raw: the accelerometer has a median length of {usual:.3g} m/s^2 '
                        f'instead of {GRAVITY:g}: check its columns and unit')
+        elif not motions and float(np.median(force[known][:, 2])) < -FORCE[0]:
+            out.append('imu/data_raw: z of the accelerometer has a median of '
+                       f'{float(np.median(force[known][:, 2])):.3g} m/s^2, and +9.81 is upright: '
+                       'check its sign and the axes of the body')
         elif motions:
             out += _gravity(motions[0].values(imu.stamp[known], motions[0].quaternion),
                             force[known], motions[0].name)
@@ -230,16 +234,20 @@ def still(one: Motion) -> list[str]:
 
 def _stopped(bag: Bag, motions: dict[str, Motion]) -> list[str]:
     """Return a line about inertial samples or an estimate that repeat while the vehicle moves."""
-    series, tracked = {}, motions.get(TRACKED)
+    series, tracked = [], motions.get(TRACKED)
     if tracked is None:
         return []
     if OWN in motions:
-        series[OWN] = (motions[OWN].stamps, motions[OWN].position)
+        series.append((OWN, 'it', motions[OWN].stamps, motions[OWN].position))
     if 'imu/data_raw' in bag:
         imu = bag['imu/data_raw']
-        series['imu/data_raw'] = (imu.stamp, np.hstack([imu.angular_velocity, imu.acceleration]))
-    out = []
-    for name, (stamps, values) in series.items():
+        gyro, force = imu.angular_velocity, imu.acceleration
+        series += [('imu/data_raw', what, imu.stamp, values) for what, values in (
+            ('it', np.hstack([gyro, force])), ('its gyro', gyro), ('its accelerometer', force))]
+    out: list[str] = []
+    for name, what, stamps, values in series:
+        if any(line.startswith(name) for line in out):
+            continue
         stamps, first = np.unique(stamps, return_index=True)
         values = values[first]
         known = np.isfinite(values).all(axis=0)
@@ -251,7 +259,7 @@ def _stopped(bag: Bag, motions: dict[str, Motion]) -> list[str]:
         for begin, end in spans[np.diff(spans)[:, 0] >= STOPPED * 1e9]:
             inside = (tracked.stamps > begin) & (tracked.stamps < end)
             if inside.any() and np.ptp(tracked.position[inside], axis=0).max() > MOVED:
-                out.append(f'{name}: it repeats one value from {begin * 1e-9:.2f} to '
+                out.append(f'{name}: {what} repeats one value from {begin * 1e-9:.2f} to '
                            f'{end * 1e-9:.2f} s, while {TRACKED} moves: it had stopped')
                 break
     return out
@@ -378,7 +386,12 @@ def _paths(own: Motion, tracked: Motion) -> list[str]:
         return [f'{TRACKED}: {said}']
     said = plausible.upside_down(ours, theirs) or plausible.mirrored(
         ours[:, :2], theirs[:, :2]) or plausible.other_scale(ours[:, :2], theirs[:, :2])
-    return [f'{TRACKED}: {said}: check {OWN}, too'] if said else []
+    if said:
+        return [f'{TRACKED}: {said}: check {OWN}, too']
+    if (share := plausible.alike(ours[:, :2], theirs[:, :2])) < plausible.LEAST_ALIKE:
+        return [f'{OWN}: only {100.0 * share:.0f} % of its path is that of {TRACKED}, turned and '
+                'scaled as it fits best: it has diverged, or is not of this flight']
+    return []
 
 
 def _single(bag: Bag) -> list[str]:
@@ -392,6 +405,9 @@ def _single(bag: Bag) -> list[str]:
     if 'motor_pwm' in bag and len(bag['motor_pwm']):
         commands = np.asarray(bag['motor_pwm'].pwm, float)
         most, least = float(commands.max()), float(commands.min())
+        if least < 0.0 or most > plausible.LARGEST_PWM:
+            out.append(f'motor_pwm: the commands are {least:.4g} to {most:.4g}, outside of 0 to '
+                       f'{plausible.LARGEST_PWM:g}: check their column and unit')
         if 0.0 < most <= SHARES:
             out.append(f'motor_pwm: the commands are up to {most:.3g}: they are shares of the '
                        'full command, not PWM')

@@ -31,6 +31,8 @@ PRESSURES = (3e4, 1.2e5)  # [Pa] from above all mountains to below the sea
 MOST_VOLTS = 100.0  # of a battery; one in mV has thousands
 LARGEST_PWM = 65535.0  # of 16 bits
 UNEQUAL = 2.0  # median command of a motor over that of the others; 1.54 in 139 real recordings
+LEAST_ALIKE = 0.5  # [-] share of a path; of 100 recordings 0.8, but for diverged estimates
+LEAST_WAY = 0.2  # [m] RMS from its middle, of a path that can be compared
 FEW = 0.01  # [-] share of values that may be damaged
 MINIDRONE = {
     'accel': (7.0, 13.0, 'm/s^2'), 'sonar': (0.2, 4.0, 'm'), 'pressure': (*PRESSURES, 'Pa'),
@@ -320,6 +322,30 @@ def upside_down(path: Floats, position: Floats) -> str | None:
     r = float(np.corrcoef(ours, theirs)[0, 1])
     return None if r > UPSIDE_DOWN else (
         f'the motion capture falls where the drone rises (correlation of the heights {r:.2f})')
+
+
+def alike(path: Floats, position: Floats) -> float:
+    """
+    Return which share of a path another one explains, turned and scaled as it fits best.
+
+    Parameters
+    ----------
+    path, position : (n, 2) m
+        At the same times.
+
+    Returns
+    -------
+    share
+        0 to 1; also 1 if one of them hardly moves, which then says nothing.
+
+    """
+    if len(path) < LEAST_ROWS:
+        return 1.0
+    a, b = ((x[:, 0] + 1j * x[:, 1]) - (x[:, 0] + 1j * x[:, 1]).mean() for x in (path, position))
+    sizes = [float(np.mean(np.abs(x) ** 2)) for x in (a, b)]
+    if min(sizes) < LEAST_WAY ** 2:
+        return 1.0
+    return float(np.abs(np.mean(a.conj() * b)) ** 2 / (sizes[0] * sizes[1]))
 
 
 def mirrored(path: Floats, position: Floats) -> str | None:

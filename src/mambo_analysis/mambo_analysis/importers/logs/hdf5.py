@@ -33,7 +33,8 @@ def load(content: bytes) -> dict[str, Any]:
     try:
         with h5py.File(BytesIO(content), 'r') as file:
             return {name: _value(file, file[name], 0) for name in file
-                    if not name.startswith('#')}  # #refs# holds what cells refer to
+                    if not name.startswith('#')  # #refs# holds what cells refer to
+                    and not isinstance(file.get(name, getlink=True), h5py.ExternalLink)}
     except MemoryError:
         raise
     except (OSError, RuntimeError, KeyError, ValueError, TypeError):
@@ -68,4 +69,6 @@ def _value(file: Any, item: Any, depth: int) -> Any:
 
 def _refers(item: Any) -> bool:
     """Return whether a dataset holds references to others."""
-    return getattr(item, 'dtype', None) == np.dtype('O')
+    import h5py
+    dtype = getattr(item, 'dtype', None)
+    return dtype is not None and h5py.check_ref_dtype(dtype) is not None  # text is no reference

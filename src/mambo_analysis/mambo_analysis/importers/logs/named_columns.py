@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .. import bounded, mat_file
 from ..common import quoted, shortened, Source
-from ..table_file import numbers, read_table
+from ..table_file import numbers, read_table, WITHOUT_LINES
 from ..table_map import Map
 from .ulog import read as read_log
 
@@ -47,9 +47,20 @@ def read_columns(source: Source, wanted: Map) -> tuple[dict[str, Floats], list[s
     elif suffix == '.mat':
         found, others = _of_mat(path, mat_file.variables(path, source.content), wanted)
     else:
-        return *read_table(path, wanted.columns(), wanted.delimiter), []
+        found, others = read_table(path, wanted.columns(), wanted.delimiter)
+        if suffix not in WITHOUT_LINES and _is_cut_off(source.content, wanted.delimiter):
+            found = {name: values[:-1] for name, values in found.items()}
+            damage = ['the last line of the file is cut off: left out']
+        return found, others, damage
     return ({name: numbers(path, name, values) for name, values in found.items()}, others,
             damage)
+
+
+def _is_cut_off(content: bytes, delimiter: str) -> bool:
+    """Return whether the last line of a CSV file has no end, and fewer cells than the first."""
+    begin, last = content[:content.find(b'\n') + 1], content[content.rfind(b'\n') + 1:]
+    mark = delimiter.encode()
+    return bool(last.strip()) and last.count(mark) < begin.count(mark)
 
 
 def _of_mat(

@@ -169,3 +169,13 @@ def test_another_scale_of_the_path_is_told(factor, text):
     said = plausible.other_scale(path, factor * turned(path, 2.0))
     assert text in said if text else said is None
     assert plausible.other_scale(path, factor * path[:, ::-1]) is None  # another path
+
+
+def test_a_path_of_another_flight_is_told_from_a_turned_and_scaled_one():
+    t = np.linspace(0.0, 20.0, 500)
+    circle = np.stack([np.cos(t), np.sin(t)], axis=1)
+    eight = np.stack([np.sin(0.7 * t), np.sin(1.4 * t)], axis=1)
+    turned = 0.8 * circle @ np.array([[0.6, -0.8], [0.8, 0.6]]) + [3.0, 1.0]
+    assert plausible.alike(circle, turned) == pytest.approx(1.0)
+    assert plausible.alike(circle, eight) < 0.1
+    assert plausible.alike(circle, 0.05 * eight) == 1.0  # it hardly moves

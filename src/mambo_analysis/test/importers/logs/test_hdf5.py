@@ -103,3 +103,13 @@ def test_without_the_library_it_says_what_to_do(monkeypatch):
     monkeypatch.setitem(sys.modules, 'h5py', None)
     with pytest.raises(ValueError, match='-v7 in MATLAB first, or pip install -r'):
         hdf5.load(content)
+
+
+def test_text_of_other_tools_and_links_to_other_files_are_no_damage():
+    def fill(file):
+        example(file)
+        file['note'] = 'pilot: me'
+        file['elsewhere'] = h5py.ExternalLink('other.h5', '/x')
+    found = hdf5.load(matlab(fill))
+    assert found['note'] is None and 'elsewhere' not in found
+    assert found.keys() - {'note'} == hdf5.load(matlab(example)).keys()
