@@ -109,8 +109,8 @@ def read(
             kinds = sorted({one.name for one in _open(path, None)[0].data_list})
             if not kinds:
                 raise ValueError('it holds no samples: it is cut off or damaged')
-            raise ValueError(f'no message {message}{nearest(message, kinds)}; it has '
-                             f'{shortened(kinds)}')
+            raise ValueError(f'no message {message}{nearest(message, kinds)}, whose topic a copy '
+                             f'of the mapping may leave out; it has {shortened(kinds)}')
         if name not in data:
             raise ValueError(f'{message} has no field {quoted(name)}{nearest(name, data)}; it has '
                              f'{shortened(list(data))}')
