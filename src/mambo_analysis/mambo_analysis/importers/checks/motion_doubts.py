@@ -31,6 +31,7 @@ AVERAGE = 0.1  # [s] over which the flow is averaged
 LOWEST = 0.2  # [m] at which the flow counts
 LEAST_ROWS = 20  # of pieces and averages
 SURE = 0.9  # correlation of a velocity that tells its scale
+ALONG = 0.95  # cosine between displacements and velocities of a whole flight, that tells it
 SCALE = 1.25  # [-] of it: seven flights of NanoBench 0.88 to 1.02
 LEAST_MOTION = 0.02  # [m] standard deviation of a displacement that tells it
 
@@ -70,7 +71,18 @@ def own_velocity(
     steady = whole & (np.linalg.norm(seen, axis=1) < FASTEST * PIECE)
     own, seen = own[steady], seen[steady]
     turned = _turned(own, seen, [f'{name} shows the motion of {{}}' for name in rates], names)
-    return lines + (turned or _scaled(own, seen, rates, names))
+    return lines + (turned or _scaled(own, seen, rates, names) or _ratio(own, seen))
+
+
+def _ratio(own: Floats, seen: Floats) -> list[str]:
+    """Return a line about displacements, (n, 3) m, of another size, also at constant speed."""
+    both, sizes = float(np.sum(own * seen)), (float(np.sum(own**2)), float(np.sum(seen**2)))
+    if len(own) < LEAST_ROWS or min(sizes) < LEAST_PATH**2 or (
+            both < ALONG * np.sqrt(sizes[0] * sizes[1])):
+        return []
+    ratio = float(np.sqrt(sizes[0] / sizes[1]))
+    return [] if 1.0 / SCALE < ratio < SCALE else [
+        f'the velocity is {ratio:.3g} times that of the position: check the units of both']
 
 
 def flow(

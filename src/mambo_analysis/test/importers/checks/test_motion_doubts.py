@@ -85,3 +85,13 @@ def test_turning_and_height_belong_to_the_flow(velocity, height):
 def test_a_flow_near_the_floor_says_nothing():
     low = np.full(len(T), 0.1)
     assert not motion_doubts.flow(T, -FLOW, VELOCITY[:, :2], low, TURNING, ('n_x', 'n_y'))
+
+
+@pytest.mark.parametrize(('factor', 'told'), [(1.0, False), (1.15, False), (2.0, True)])
+def test_another_scale_is_told_at_constant_speed(factor, told):
+    velocity = np.tile([0.3, 0.0, 0.0], (len(T), 1))
+    found = own(position=factor * velocity * T[:, None], velocity=velocity)
+    assert len(found) == told
+    if told:
+        ratio = float(found[0].split()[3])
+        assert found[0].startswith('the velocity is ') and ratio == pytest.approx(0.5, abs=0.01)
