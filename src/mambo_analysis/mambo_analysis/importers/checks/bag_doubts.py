@@ -72,7 +72,10 @@ def _doubts(bag: Bag) -> list[str]:
     if 'imu/data_raw' in bag and len(bag['imu/data_raw']) > 1:
         out += _dead(bag) or _inertial(bag, [
             one for one in motions.values() if np.isfinite(one.quaternion).any()])
-    if TRACKED in motions:
+    if TRACKED in motions and (step := plausible.rounded(motions[TRACKED].position)):
+        out.append(f'{TRACKED}: the positions are multiples of {step:.3g} m: velocities and drag '
+                   'of such a path are not those of the vehicle; record them unrounded')
+    elif TRACKED in motions:
         out += slips.describe(TRACKED, motions[TRACKED].t, motions[TRACKED].position)
     for one in motions.values():
         out += still(one)

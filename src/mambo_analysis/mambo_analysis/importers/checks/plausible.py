@@ -33,6 +33,7 @@ LARGEST_PWM = 65535.0  # of 16 bits
 UNEQUAL = 2.0  # median command of a motor over that of the others; 1.54 in 139 real recordings
 LEAST_ALIKE = 0.5  # [-] share of a path; of 100 recordings 0.8, but for diverged estimates
 LEAST_WAY = 0.2  # [m] RMS from its middle, of a path that can be compared
+COARSE = 0.003  # [m] between positions; of motion capture 1 mm at most
 FEW = 0.01  # [-] share of values that may be damaged
 MINIDRONE = {
     'accel': (7.0, 13.0, 'm/s^2'), 'sonar': (0.2, 4.0, 'm'), 'pressure': (*PRESSURES, 'Pa'),
@@ -322,6 +323,18 @@ def upside_down(path: Floats, position: Floats) -> str | None:
     r = float(np.corrcoef(ours, theirs)[0, 1])
     return None if r > UPSIDE_DOWN else (
         f'the motion capture falls where the drone rises (correlation of the heights {r:.2f})')
+
+
+def rounded(position: Floats) -> float:
+    """Return the step of positions, (n, 3) m, that are multiples of more than ``COARSE``; or 0."""
+    steps = []
+    for axis in position[np.isfinite(position).all(axis=1)].T:
+        values = np.unique(np.round(axis, 9))
+        gaps = np.diff(values)
+        if len(values) > 2 and gaps.min() > COARSE and len(values) < len(axis) / 4.0 and (
+                np.allclose(gaps / gaps.min(), np.round(gaps / gaps.min()), atol=1e-3)):
+            steps.append(float(gaps.min()))
+    return max(steps, default=0.0)
 
 
 def alike(path: Floats, position: Floats) -> float:

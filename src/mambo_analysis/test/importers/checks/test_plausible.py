@@ -179,3 +179,10 @@ def test_a_path_of_another_flight_is_told_from_a_turned_and_scaled_one():
     assert plausible.alike(circle, turned) == pytest.approx(1.0)
     assert plausible.alike(circle, eight) < 0.1
     assert plausible.alike(circle, 0.05 * eight) == 1.0  # it hardly moves
+
+
+@pytest.mark.parametrize(('step', 'found'), [(0.1, 0.1), (0.01, 0.01), (0.001, 0.0), (1e-6, 0.0)])
+def test_rounded_positions_are_told(step, found):
+    t = np.linspace(0.0, 30.0, 3000)
+    path = np.stack([np.cos(t), np.sin(t), 1.0 + 0.2 * np.sin(0.3 * t)], axis=1)
+    assert plausible.rounded(np.round(path / step) * step) == pytest.approx(found)
