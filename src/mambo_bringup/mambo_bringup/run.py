@@ -187,6 +187,7 @@ def _run(options: argparse.Namespace) -> None:
         _list_scenarios()
         return
     name, flight = _scenario(options)
+    world = flight_options.world(options)
     if flight_options.only_prints(options):
         print(scenarios.commented_yaml(flight), end='')
         return
@@ -194,7 +195,6 @@ def _run(options: argparse.Namespace) -> None:
         print(line)
     if options.scenario and (left := scenario_file.others(options.scenario)):
         print(f'the first of {1 + len(left)} flights of the file; the others: {", ".join(left)}')
-    world = flight_options.world(options)
     if world.drones == 1:
         _fly_and_report(name, {NAMESPACE: flight}, options)
         return

@@ -308,6 +308,9 @@ def read_take(source: Source, body: str | None = None) -> Take:
     missing = [column for column in wanted if column not in bodies[name]]
     if missing:
         raise BagError(f'{path}: rigid body {quoted(name)} lacks the columns {", ".join(missing)}')
+    if turn != 'Quaternion' and 'Rotation W' in bodies[name]:
+        raise BagError(f'{path}: its header has the rotation type {turn}, but the columns of '
+                       f'{quoted(name)} are a quaternion, X, Y, Z and W: export it again')
     table = _numbers(path, rows, line, [0, 1, *(bodies[name][column] for column in wanted)])
     times = _times(path, rows[line][1], table[:, 0], table[:, 1], about)
     zeros = (table[:, 2:-3] == 0.0).all(axis=1).sum() if turn == 'Quaternion' else 0

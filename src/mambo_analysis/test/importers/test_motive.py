@@ -328,6 +328,8 @@ def times(factor):
      "line 1 gives 'Length Units' twice: keep only the right one"),
     (lambda lines: [lines[0] + ',Rotation Type,XYZ', *lines[1:]],
      "line 1 gives 'Rotation Type' twice"),
+    (lambda lines: [lines[0].replace('Rotation Type,Quaternion', 'Rotation Type,XYZ'), *lines[1:]],
+     "its header has the rotation type XYZ, but the columns of 'Rigid Body 1' are a quaternion"),
     (swap(',Y,', ',X,'), "rigid body 'Rigid Body 1' has the column Rotation X twice"),
     (swap('Rigid Body,', 'Bone,', 99), 'no rigid body; export with rigid bodies'),
     (swap('Rotation,', 'Turning,', 4), 'lacks the columns Rotation X')])
