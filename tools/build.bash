@@ -118,11 +118,6 @@ chosen=()
 if [[ $part ]]; then
     chosen=(--packages-select mambo_interfaces)
     link_packages
-    # Ctrl-C ends it, too, where env can do that (GNU coreutils 8.31); else it runs to its end
-    interruptible=(--default-signal=INT)
-    env "${interruptible[@]}" true 2>/dev/null || interruptible=()
-    [[ $(nproc) -eq 1 ]] || env "${interruptible[@]}" nice -n 19 python3 tools/compile_early.py \
-        </dev/null >.cache/compile_early.log 2>&1 9>&- &
 fi
 interrupted=
 trap 'interrupted=yes' INT

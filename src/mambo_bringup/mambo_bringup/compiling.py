@@ -8,8 +8,6 @@ all of them; compiled at once, on every core, they wait in the cache for it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-import contextlib
-import fcntl
 import hashlib
 import multiprocessing
 import os
@@ -25,7 +23,6 @@ from mambo_control.controllers import REGISTRY as CONTROLLERS
 from mambo_control.reference_node import ReferenceNode
 from mambo_estimation.estimator_node import EstimatorNode
 from mambo_estimation.filters import REGISTRY as ESTIMATORS
-from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_flight.scenario import Scenario
 from mambo_ros.graph.ending_signals import SIGNALS
 from mambo_sim.optitrack_node import OptitrackNode
@@ -117,20 +114,11 @@ def _run(tasks: list[Task]) -> bool:
     return not any(codes)
 
 
-def _wait_for_early() -> None:
-    """Wait for tools/compile_early.py, which the first build has begun, by its lock."""
-    with contextlib.suppress(OSError):  # there is none
-        with (Path(os.environ['NUMBA_CACHE_DIR']).parent / 'early.lock').open() as lock:
-            fcntl.flock(lock, fcntl.LOCK_SH)
-
-
 def _work(compile_: Callable[[Any], None], params: Any, parent: int) -> None:
     """Compile in this copy; say nothing, as the flight will."""
     for number in SIGNALS:
         signal.signal(number, signal.SIG_DFL)
     end_with(parent, signal.SIGKILL)
-    if isinstance(params, EstimatorNodeParams):
-        _wait_for_early()
     silent = os.open(os.devnull, os.O_RDWR)
     for number in (0, 1, 2):
         os.dup2(silent, number)

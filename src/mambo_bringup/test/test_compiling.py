@@ -2,8 +2,6 @@
 
 import os
 from pathlib import Path
-import subprocess
-import sys
 import time
 
 from mambo_bringup import compiling
@@ -19,8 +17,7 @@ from mambo_sim.sim_node import SimNode
 import pytest
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)
-ROOT = Path(__file__).parents[3]
-PD = ROOT / 'examples/pd_controller.py'
+PD = Path(__file__).parents[3] / 'examples/pd_controller.py'
 
 
 class Params:
@@ -112,32 +109,3 @@ def test_the_first_pose_of_a_flight_has_nothing_left_to_compile():
     values = aided.compiled()
     estimator_node._offer(hold(filters.initial(values), None, values), 0.01, rho, q)
     assert before and offer.signatures == before
-
-
-def test_the_estimator_waits_for_what_the_build_has_begun(tmp_path, monkeypatch):
-    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path / 'numba-0'))
-    compiling._wait_for_early()  # there is none
-    holder = subprocess.Popen(
-        [sys.executable, '-c', 'import fcntl, sys, time\n'
-         'lock = open(sys.argv[1], "w")\nfcntl.flock(lock, fcntl.LOCK_EX)\n'
-         'print("held", flush=True)\ntime.sleep(1.0)', str(tmp_path / 'early.lock')],
-        stdout=subprocess.PIPE, text=True)
-    assert holder.stdout.readline() == 'held\n'
-    compiling._wait_for_early()
-    assert holder.wait(0.5) == 0  # it has ended, or its lock would still be held
-
-
-@pytest.mark.long
-def test_what_is_compiled_early_is_what_the_flight_needs(tmp_path):
-    environment = os.environ | {'MAMBO_CACHE_DIR': str(tmp_path)}
-    environment.pop('NUMBA_CACHE_DIR', None)
-    subprocess.run([sys.executable, ROOT / 'tools/compile_early.py'], env=environment, check=True,
-                   timeout=300)
-    found = subprocess.run([sys.executable, '-c', """
-from mambo_bringup.compiling import EstimatorNode
-from mambo_bringup.run import _scenario, parser
-from mambo_estimation.joint import filter
-EstimatorNode.compile(_scenario(parser().parse_args([]))[1].estimator_node)
-print(sum(filter.step.stats.cache_hits.values()), sum(filter.step.stats.cache_misses.values()))
-"""], env=environment, check=True, capture_output=True, text=True, timeout=300)
-    assert found.stdout.split() == ['1', '0']
