@@ -100,11 +100,11 @@ def parser() -> Parser:
     return out
 
 
-def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
-    """Return name and scenario of the flight that the command line selects."""
-    given = flight_options.given(options)
+def _scenario(options: argparse.Namespace) -> scenario_file.Selected:
+    """Return the flight that the command line selects."""
+    given, others = flight_options.given(options), []
     if options.scenario:
-        name, flight = scenario_file.load(options.scenario, given)
+        name, flight, others = scenario_file.select(options.scenario, given)
     else:
         flight = scenario_file.from_settings(
             {'controller': scenario_file.Place(CONTROLLER, 'default'), **given})
@@ -141,7 +141,7 @@ def _scenario(options: argparse.Namespace) -> tuple[str, scenarios.Scenario]:
             f'{option} {flown.speed:g} needs --mode realtime: lockstep always runs at full speed')
     if not flight.sim_node.duration > 0.0:
         raise schema.ParameterError(f'{name}: sim_node.duration must be more than 0 s')
-    return f'{name}_seed{flight.seed}', flight
+    return scenario_file.Selected(f'{name}_seed{flight.seed}', flight, others)
 
 
 def _composed(options: argparse.Namespace, mode: str) -> bool:
@@ -186,15 +186,16 @@ def _run(options: argparse.Namespace) -> None:
     if options.list_scenarios:
         _list_scenarios()
         return
-    name, flight = _scenario(options)
+    name, flight, others = _scenario(options)
     world = flight_options.world(options)
     if flight_options.only_prints(options):
         print(scenarios.commented_yaml(flight), end='')
         return
     for line in flight_options.remarks(flight, options.stretch):
         print(line)
-    if options.scenario and (left := scenario_file.others(options.scenario)):
-        print(f'the first of {1 + len(left)} flights of the file; the others: {", ".join(left)}')
+    if others:
+        print(f'the first of {1 + len(others)} flights of the file; the others: '
+              f'{", ".join(others)}')
     if world.drones == 1:
         _fly_and_report(name, {NAMESPACE: flight}, options)
         return

@@ -104,6 +104,14 @@ class Experiment(NamedTuple):
     world: WorldParams = WorldParams()  # of several drones
 
 
+class Selected(NamedTuple):
+    """One flight of an experiment."""
+
+    name: str                   # of both
+    flight: scenarios.Scenario
+    others: list[str]           # the flights after it in a file of which none was named
+
+
 class _Layer(NamedTuple):
     """Settings and parameters of one part of a file."""
 
@@ -276,14 +284,6 @@ def _refuse_plans(layers: Mapping[str, _Layer], built: Mapping[str, scenarios.Sc
             place for place in places[name].items() if place not in planned))
 
 
-def others(name: str) -> list[str]:
-    """Return the names of the flights of a file that :func:`load` leaves out, as it takes them."""
-    experiment, flight = _parts(name)
-    if flight or experiment in names():
-        return []
-    return [f'{experiment}:{other}' for other in list(read(find(experiment)).flights)[1:]]
-
-
 def load(name: str, over: Mapping[str, Place] | None = None) -> tuple[str, scenarios.Scenario]:
     """
     Return the name and the scenario of one flight.
@@ -302,10 +302,16 @@ def load(name: str, over: Mapping[str, Place] | None = None) -> tuple[str, scena
         See :func:`find` and :func:`read`; also if there is no flight of that name.
 
     """
+    return select(name, over)[:2]
+
+
+def select(name: str, over: Mapping[str, Place] | None = None) -> Selected:
+    """Return a flight as :func:`load` does, and the names of those of its file left out."""
     experiment, flight = _parts(name)
-    found = read(find(experiment), over)
+    found, others = read(find(experiment), over), []
     if not flight:
-        flight = next(iter(found.flights))
+        flight, *others = found.flights
+        others = [] if experiment in names() else [f'{experiment}:{other}' for other in others]
     elif flight not in found.flights:
         known = ', '.join(filter(None, found.flights)) or 'one without a name'
         raise schema.ParameterError(
@@ -313,7 +319,7 @@ def load(name: str, over: Mapping[str, Place] | None = None) -> tuple[str, scena
     unused.refuse_plan(
         found.flights[flight].reference_node,
         {key: place.where for key, place in (over or {}).items()})
-    return '_'.join(filter(None, (found.name, flight))), found.flights[flight]
+    return Selected('_'.join(filter(None, (found.name, flight))), found.flights[flight], others)
 
 
 def load_alone(

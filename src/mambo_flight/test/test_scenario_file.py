@@ -221,8 +221,9 @@ def test_a_name_of_a_flight_that_can_leave_the_folder_of_bags_is_refused(tmp_pat
 def test_the_other_flights_of_a_file_are_named_as_they_are_loaded(tmp_path):
     file = tmp_path / 'own.yaml'
     file.write_text('title: x\nflights:\n  first: {seed: 1}\n  se-cond: {seed: 2}\n')
-    assert scenario_file.others(str(file)) == [f'{file}:se-cond']
+    assert scenario_file.select(str(file)).others == [f'{file}:se-cond']
     assert scenario_file.load(f'{file}:se-cond')[1].seed == 2
-    assert scenario_file.others(f'{file}:first') == scenario_file.others('fig_5_11') == []
+    assert scenario_file.select(f'{file}:first').others == scenario_file.select(
+        'fig_5_11').others == []
     with pytest.raises(schema.ParameterError, match=f'a flight of a file is written {file}:sec'):
         scenario_file.load(f'{file}/second')

@@ -1,7 +1,8 @@
 """
 What speaks against the factor of an optical flow: another clock, floor, unit or attitude.
 
-:func:`refuse` and :func:`late` name what makes any factor wrong, :func:`notes` what may.
+:func:`refuse` and :func:`refuse_late` refuse what makes any factor wrong; the others return lines
+about what may.
 """
 
 from __future__ import annotations
@@ -39,9 +40,10 @@ def refuse(bag: Bag) -> None:
     """
     for line in height_check.of_bag(bag):
         raise IdentifyError(line)
-    again = np.flatnonzero(np.diff(np.sort(bag['optical_flow'].stamp)) == 0)
+    stamps = np.sort(bag['optical_flow'].stamp)
+    again = np.flatnonzero(np.diff(stamps) == 0)
     if len(again):
-        at = 1e-9 * float(np.sort(bag['optical_flow'].stamp)[again[0]] - bag.start)
+        at = 1e-9 * float(stamps[again[0]] - bag.start)
         raise IdentifyError(f'optical_flow has {len(again)} messages with the stamp of another '
                             f'one, the first at {at:.3f} s: take the copies out')
     if 'imu/data_raw' not in bag or not len(bag['imu/data_raw']):
@@ -114,12 +116,9 @@ def unequal(flow: Floats, geometric: Floats) -> list[str]:
             'factor, so check the scale of both axes']
 
 
-def floor(bag: Bag) -> list[str]:
+def floor(bag: Bag, tracked: motion.Motion) -> list[str]:
     """Return a line if the tracked height is another one than the range to the floor."""
-    try:
-        found = height_check.beside(bag, motion.read(bag, 'optitrack/pose'))
-    except BagError:
-        return []
+    found = height_check.beside(bag, tracked)
     if found is None or len(found[0]) < height_check.LEAST_ROWS:
         return []
     above = float(np.median(found[1][:, 2] - found[0]))

@@ -316,11 +316,10 @@ class _Rows:
         return lambda row: {'fluid_pressure': float(found['pressure'][row, 0])}
 
     def _motor_pwm(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:
-        plausible.refuse_commands(f'{self.path}: motor_pwm', found['pwm'][usable])
-        pwm = found['pwm']
-        wrong = usable & ((pwm < 0.0) | (pwm > plausible.LARGEST_PWM)).any(axis=1)
+        rows = np.flatnonzero(usable)
+        wrong = plausible.refuse_commands(f'{self.path}: motor_pwm', found['pwm'][rows])
         if wrong.any():
-            usable &= ~wrong
+            usable[rows[wrong]] = False
             self.notes.append(
                 f'motor_pwm: {int(wrong.sum())} of {len(usable)} rows have a command outside of 0 '
                 f'to {plausible.LARGEST_PWM:g}: left out')

@@ -62,14 +62,15 @@ def test_a_factor_of_no_sensor_is_noted():
 
 def test_the_floor_of_the_motion_capture_is_compared_with_the_range(monkeypatch):
     bag = read_bag(BAG)
-    assert flow_doubts.floor(bag) == []
+    tracked = flow_doubts.motion.read(bag, 'optitrack/pose')
+    assert flow_doubts.floor(bag, tracked) == []
     beside = flow_doubts.height_check.beside
 
     def raised(bag, tracked):
         ranges, position = beside(bag, tracked)
         return ranges, position + [0.0, 0.0, 0.2]
     monkeypatch.setattr(flow_doubts.height_check, 'beside', raised)
-    line, = flow_doubts.floor(bag)
+    line, = flow_doubts.floor(bag, tracked)
     assert 'optitrack/pose is 0.2' in line and 'give --floor 0.2' in line
 
 

@@ -71,9 +71,7 @@ def own_velocity(
     steady = whole & (np.linalg.norm(seen, axis=1) < FASTEST * PIECE)
     own, seen = own[steady], seen[steady]
     turned = _turned(own, seen, [f'{name} shows the motion of {{}}' for name in rates], names)
-    if not lines and not turned and not _scaled(own, seen, rates, names):
-        return _ratio(own, seen)
-    return lines + (turned or _scaled(own, seen, rates, names))
+    return lines + (turned or _scaled(own, seen, rates, names)) or _ratio(own, seen)
 
 
 def _ratio(own: Floats, seen: Floats) -> list[str]:

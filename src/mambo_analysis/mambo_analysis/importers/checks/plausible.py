@@ -204,13 +204,14 @@ def refuse_voltage(where: str, voltage: Floats) -> None:
                        f'{MOST_VOLTS:g}: is it in mV? give it in V')
 
 
-def refuse_commands(where: str, pwm: Floats) -> None:
-    """Refuse motor commands, (n, k), of which more than ``FEW`` are outside of 16 bits."""
+def refuse_commands(where: str, pwm: Floats) -> NDArray[np.bool_]:
+    """Refuse commands, (n, k), of which more than ``FEW`` are no 16 bits; return rows with one."""
     wrong = (pwm < 0.0) | (pwm > LARGEST_PWM)
     if wrong.sum() > FEW * pwm.size:
         raise BagError(f'{where}: {int(wrong.sum())} of {pwm.size} motor commands are outside of '
                        f'0 to {LARGEST_PWM:g}, such as {pwm[wrong][0]:.4g}: give commands of '
                        'motors that push')
+    return wrong.any(axis=1)
 
 
 def refuse_steep(
