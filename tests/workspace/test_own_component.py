@@ -39,7 +39,7 @@ def test_a_command_of_the_page_works(command, here, capsys):
         assert run.main(words) == 0
         assert 'position_gain: 4.0' in capsys.readouterr().out
         return
-    name, found = run._scenario(run.parser().parse_args(words))
+    name, found, _ = run._scenario(run.parser().parse_args(words))
     assert name.endswith('_seed1')
     if '--set' in words:
         assert found.controller_node.pd_controller.position_gain == 5.0
