@@ -42,11 +42,12 @@ from mambo_bags.command import guard, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
 from mambo_signals import frozen, outliers
+from mambo_signals.motion import Motion
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from .checks import plausible, slips
+from .checks import plausible, slips, tilts
 from .common import (
     importer_parser, LARGEST, LONGEST, number, provenance, Publisher, quoted, read_source, report,
     shortened, Source, stamps_ns, unused)
@@ -413,6 +414,8 @@ def import_motive(
     notes += [frozen.describe(TOPIC, int(still.sum()))] if still.any() else []
     notes += [outliers.describe(TOPIC, impossible)] if impossible else []
     notes += [*long, *slips.describe(TOPIC, times, position), *_still(times, position, attitude)]
+    flown = Motion(TOPIC, stamps_ns(times), position, attitude)
+    notes += [f'{TOPIC}: {line}' for line in filter(None, [tilts.describe(flown)])]
     notes += _gaps(take.times)
     details: dict[str, Any] = {
         'body': take.body, 'up': up, 'nose_rad': nose, 'frames': frames, 'frames_lost': lost,

@@ -231,6 +231,27 @@ def test_a_body_that_hardly_moves_is_told(size, turn, said):
     assert len(found) == bool(said) and said in ''.join(found)
 
 
+def test_positions_that_contradict_the_tilts_are_told(tmp_path):
+    """Of a take along x, 0.5 sin(2 t) m, whose tilts are those of the acceleration or opposite."""
+    t = np.arange(0.0, 20.0, 0.01)
+    tilt = np.arctan(-2.0 * np.sin(2.0 * t) / 9.81)
+    for sign, said in ((1.0, []), (-1.0, ['are turned by ', ' deg about the vertical from its'])):
+        # of Motive: y up, so the body leans towards x about -z
+        turns = Rotation.from_euler('z', -sign * tilt[:, None]).as_quat()
+        rows = [f'{k},{k / 100:.6f},{",".join(f"{v:.9f}" for v in turn)},'
+                f'{0.5 * np.sin(0.02 * k):.9f},{1.0:.9f},{0.0:.9f}'
+                for k, turn in enumerate(turns)]
+        kinds = ['Rotation'] * 4 + ['Position'] * 3
+        path = tmp_path / f'{sign}.csv'
+        path.write_text('\r\n'.join([
+            'Format Version,1.23,Length Units,Meters,Rotation Type,Quaternion,'
+            'Export Frame Rate,100.0,Coordinate Space,Global', '',
+            ',Type' + ',Rigid Body' * 7, ',Name' + ',drone' * 7, ',ID' + ',1' * 7,
+            ',,' + ','.join(kinds), 'Frame,Time (Seconds),X,Y,Z,W,X,Y,Z', *rows]))
+        found = import_motive(path, tmp_path / f'bag{sign}')[1]
+        assert len(found) == bool(said) and all(word in found[0] for word in said)
+
+
 def test_a_wrong_quaternion_is_named_by_the_number_of_its_frame(tmp_path, capsys):
     def change(lines):
         rows = [line.split(',') for line in lines[7:]]

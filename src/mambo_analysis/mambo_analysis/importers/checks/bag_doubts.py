@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from . import motion_doubts, plausible, slips
+from . import motion_doubts, plausible, slips, tilts
 from ..common import NAMESPACE
 
 Floats = NDArray[np.float64]
@@ -77,8 +77,8 @@ def _doubts(bag: Bag) -> list[str]:
                    'of such a path are not those of the vehicle; record them unrounded')
     elif TRACKED in motions:
         out += slips.describe(TRACKED, motions[TRACKED].t, motions[TRACKED].position)
-    for one in motions.values():
-        out += still(one)
+    for name, one in motions.items():
+        out += tracked(one) if name == TRACKED else _still(one)
     out += _stopped(bag, motions)
     out += [f'sonar/range: {line}: check both before you use them'
             for line in height_check.of_bag(bag)]
@@ -226,7 +226,13 @@ def _gravity(q: Floats, force: Floats, name: str) -> list[str]:
             'and the order of the quaternion']
 
 
-def still(one: Motion) -> list[str]:
+def tracked(one: Motion) -> list[str]:
+    """Return lines about tracked positions that contradict the attitudes tracked with them."""
+    line = tilts.describe(one)
+    return _still(one) + [f'{one.name}: {line}'] * bool(line)
+
+
+def _still(one: Motion) -> list[str]:
     """Return a line about positions that hardly change while the attitude does."""
     found = plausible.still(one.t, one.position, one.quaternion)
     if found is None or not found[1]:
@@ -337,7 +343,8 @@ def _leaps(own: Motion) -> list[str]:
     if velocity is None or len(own.t) < 2:
         return out
     speed = np.linalg.norm(velocity, axis=1)
-    for first, last in runs((np.diff(own.position, axis=0) == 0.0).all(axis=1)).tolist():
+    stands = (np.diff(own.position, axis=0) == 0.0).all(axis=1) & np.isfinite(speed[1:])
+    for first, last in runs(stands).tolist():
         t = own.t[[first, last]]
         if t[1] - t[0] > STOPPED and np.nanmedian(speed[first:last + 1]) > FAST_SPEED:
             out.append(f'{own.name}: the position stands from {t[0]:.2f} to {t[1]:.2f} s while its'

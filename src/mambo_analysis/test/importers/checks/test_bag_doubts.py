@@ -88,6 +88,8 @@ TRACKED = 'position: [px, py, pz]'
     ([(TRACKED, 'position: {columns: [px, py, pz], unit: mm}')],
      'optitrack/pose: the positions stay within 0.00'),
     ([(TRACKED, 'position: [py, px, pz]')],
+     'm/s^2) follow the mirror image of its tilts: check the signs of its axes'),
+    ([(TRACKED, 'position: [py, px, pz]')],
      'optitrack/pose: the motion capture shows the mirror image of the path'),
     ([(ESTIMATE, 'est_stateEstimate_y, est_stateEstimate_x, est_stateEstimate_z')],
      'onboard/odom: x of the velocity shows the motion of y of the position'),
@@ -144,6 +146,14 @@ def exchanged(table):
     table[['py', 'pz']] = table[['pz', 'py']].to_numpy()
 
 
+def shrunk(table):
+    table[['px', 'py', 'pz']] *= 0.6
+
+
+def delayed(table):
+    table[['px', 'py', 'pz']] = table[['px', 'py', 'pz']].shift(30).bfill()
+
+
 def askew(table):
     turned = Rotation.from_quat(table[POSE]) * Rotation.from_euler('z', 20.0, degrees=True)
     table[POSE] = turned.as_quat()
@@ -151,6 +161,8 @@ def askew(table):
 
 @needs_data
 @pytest.mark.parametrize('change, line', [
+    (delayed, 'follow its tilts 0.'),
+    (shrunk, 'times those of its tilts: check the unit of the positions, or their scale'),
     (frozen, 'imu/data_raw: it repeats one value from 15.00 to 18.00 s, while optitrack/pose mo'),
     (rested, 'imu/data_raw: it repeats one value from 15.00 to 18.00 s, while optitrack/pose mo'),
     (late, 'imu/data_raw and optitrack/pose: the attitude is 1.00 s early against the gyro'),

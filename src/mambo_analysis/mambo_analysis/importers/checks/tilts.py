@@ -1,0 +1,117 @@
+"""
+Whether tracked positions accelerate as the tracked attitude tilts: :func:`describe`.
+
+The thrust of a multirotor is along its body z axis, so its horizontal acceleration is g times the
+tilt, less some drag. Second differences of the positions over ``HALF`` are a weighted mean of the
+acceleration; the tilts are averaged with the same weights. In the 83 takes of NanoBench that tilt
+by ``LEAST`` or more both have a correlation of 0.86 to 0.99, the accelerations are 0.80 to 1.03
+times the tilts, and the best agreement is at delays of -0.10 to 0 s.
+"""
+
+from __future__ import annotations
+
+from mambo_signals.motion import Motion
+from mambo_signals.resample import Floats, interpolate
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+GRAVITY = 9.81  # m/s^2
+HALF = 10       # steps, half of the span of a second difference
+STEP = 0.02     # s
+LONGEST = 600.0  # s of a flight that are compared
+GAP = 0.1       # s, over which poses are connected
+LOWEST = 0.1    # m above the floor, at which the vehicle flies
+FASTEST = 15.0  # m/s^2; more is a jump
+STEEPEST = 0.3  # cosine of the largest tilt that counts
+LEAST = 0.4     # m/s^2, RMS of g times the tilt
+LEAST_ROWS = 250  # 5 s of flight
+DELAYS = range(-30, 31)  # steps
+LATE = 8        # steps, beyond which a delay is told
+FOLLOWS = 0.8   # correlation from which accelerations follow tilts
+DOES_NOT = 0.6  # correlation below which they do not
+CLEARLY = 0.03  # gain of a correlation, of a delay that is told
+MIRRORED = 0.1  # gain by the mirror image; up to -0.16 in real flights
+TURNED = 35.0   # deg; 22 in real flights on a circle, by drag
+RATIO = (0.65, 1.35)  # of accelerations and tilts
+
+
+def _signals(one: Motion) -> tuple[Floats, Floats] | None:
+    """
+    Return acceleration and g times tilt over time, x + iy, (n,) complex m/s^2.
+
+    NaN on the floor and in gaps of the poses; None if the recording is too short.
+    """
+    known = np.isfinite(one.quaternion).all(axis=1)
+    grid = np.arange(one.t[0], min(one.t[-1], one.t[0] + LONGEST), STEP)
+    if known.sum() < 2 or len(grid) < 2 * HALF + len(DELAYS) + LEAST_ROWS:
+        return None
+    up = Rotation.from_quat(one.quaternion[known]).as_matrix()[:, :, 2]
+    tilt = up[:, :2] / np.where(up[:, 2:] > STEEPEST, up[:, 2:], np.nan)
+    tilt = interpolate(grid, one.t[known], tilt, GAP) @ (1.0, 1.0j)
+    position = interpolate(grid, one.t, one.position, GAP)
+    low, high = np.percentile(one.position[:, 2], (1.0, 95.0))
+    if high - low > 2.0 * LOWEST:  # otherwise all of it is in the air
+        position[position[:, 2] < low + LOWEST] = np.nan
+    path = position[:, :2] @ (1.0, 1.0j)
+    force = (path[2 * HALF:] - 2.0 * path[HALF:-HALF] + path[:-2 * HALF]) / (HALF * STEP)**2
+    force[~(np.abs(force) < FASTEST)] = np.nan
+    weights = np.convolve(np.ones(HALF), np.ones(HALF)) / HALF**2
+    return force, GRAVITY * np.convolve(tilt, weights, 'same')[HALF:-HALF]
+
+
+def _correlation(force: Floats, tilt: Floats) -> complex:
+    """Return the complex correlation of both; its angle is that from tilt to force."""
+    force, tilt = force - force.mean(), tilt - tilt.mean()
+    return np.vdot(tilt, force) / (np.linalg.norm(force) * np.linalg.norm(tilt))
+
+
+def _pair(force: Floats, tilt: Floats, delay: int) -> tuple[Floats, Floats]:
+    """Return both where they are known, the accelerations ``delay`` steps later."""
+    edge = max(DELAYS)
+    force, tilt = force[edge + delay:len(force) - edge + delay], tilt[edge:-edge]
+    here = np.isfinite(force) & np.isfinite(tilt)
+    return force[here], tilt[here]
+
+
+def describe(one: Motion) -> str:
+    """
+    Return in words how positions contradict attitudes; empty: they do not, or show too little.
+
+    Parameters
+    ----------
+    one
+        Tracked poses of a flight, z up.
+
+    """
+    signals = _signals(one)
+    if signals is None:
+        return ''
+    flying = np.isfinite(signals[0])
+    if flying.sum() >= LEAST_ROWS and (steep := np.isnan(signals[1][flying]).mean()) > 0.5:
+        return (f'its attitude is on its side or upside down in {100.0 * steep:.0f} % of the '
+                'flight: check its axes and the order of the quaternion (x y z w)')
+    pairs = {delay: _pair(*signals, delay) for delay in DELAYS}
+    force, tilt = pairs[0]
+    if min(len(pair[0]) for pair in pairs.values()) < LEAST_ROWS or not (
+            tilt.std() >= LEAST and force.std() > 0.0):
+        return ''
+    follow = {delay: _correlation(*pair) for delay, pair in pairs.items()}
+    now, mirror = abs(follow[0]), abs(_correlation(force.conj(), tilt))
+    turned, ratio = np.degrees(np.angle(follow[0])), force.std() / tilt.std()
+    late = max(follow, key=lambda delay: abs(follow[delay]))
+    said = f'the horizontal accelerations of its positions (RMS {force.std():.2g} m/s^2)'
+    if mirror >= FOLLOWS and mirror > now + MIRRORED:
+        return f'{said} follow the mirror image of its tilts: check the signs of its axes'
+    if abs(late) > LATE and abs(follow[late]) > max(FOLLOWS, now + CLEARLY):
+        return (f'{said} follow its tilts {abs(late) * STEP:.2f} s '
+                f'{"late" if late > 0 else "early"}: check the times of positions and attitudes')
+    if now < DOES_NOT:
+        return (f'{said} do not follow its tilts (correlation {now:.2f}), as those of a flying '
+                'multirotor do: check that both are of this vehicle, and not carried by hand')
+    if now >= FOLLOWS and abs(turned) > TURNED:
+        return (f'{said} are turned by {turned:.0f} deg about the vertical from its tilts: check '
+                'its axes, or, if it flies in circles, its times')
+    if not RATIO[0] <= ratio <= RATIO[1]:
+        return (f'{said} are {ratio:.2g} times those of its tilts: check the unit of the '
+                'positions, or their scale')
+    return ''

@@ -1,0 +1,83 @@
+"""Tracked positions beside tracked attitudes: a path whose tilts are computed here by hand."""
+
+import dataclasses
+
+from mambo_analysis.importers.checks import tilts
+from mambo_signals.motion import Motion
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+G = 9.81
+
+
+def attitudes(ax, ay):
+    """Return x y z w whose z axis is along the thrust, of accelerations in m/s^2; yaw 0."""
+    up = np.stack([ax, ay, np.full_like(ax, G)], 1)
+    up /= np.linalg.norm(up, axis=1)[:, None]
+    axis = np.cross([0.0, 0.0, 1.0], up)
+    angle = np.arccos(up[:, 2])
+    size = np.maximum(np.linalg.norm(axis, axis=1), 1e-12)
+    return Rotation.from_rotvec(axis * (angle / size)[:, None]).as_quat()
+
+
+def flight(a=1.0, b=0.7, period=(4.0, 2.7), rate=100.0, length=20.0):
+    """Return a flight along x = a sin, y = b sin, 1 m high."""
+    t = np.arange(0.0, length, 1.0 / rate)
+    w, v = (2.0 * np.pi / one for one in period)
+    position = np.stack([a * np.sin(w * t), b * np.sin(v * t), np.where(t < 0.5, 0.0, 1.0)], 1)
+    q = attitudes(-a * w**2 * np.sin(w * t), -b * v**2 * np.sin(v * t))
+    return Motion('optitrack/pose', np.rint(t * 1e9).astype(int), position, q)
+
+
+def moved(one, factors):
+    """Return a flight with other positions."""
+    return dataclasses.replace(one, position=one.position * factors)
+
+
+def late(one, seconds):
+    """Return a flight whose positions come later than its attitudes."""
+    position = np.stack([np.interp(one.t - seconds, one.t, x) for x in one.position.T], 1)
+    return dataclasses.replace(one, position=position)
+
+
+def test_a_flight_is_as_its_tilts_say():
+    assert tilts.describe(flight()) == ''
+
+
+@pytest.mark.parametrize('change, said', [
+    (lambda one: moved(one, [3.28, 3.28, 1.0]), 'are 3.3 times those of its tilts'),
+    (lambda one: moved(one, [0.5, 0.5, 1.0]), 'are 0.5 times those of its tilts'),
+    (lambda one: moved(one, [-1.0, 1.0, 1.0]), 'mirror image'),
+    (lambda one: moved(one, [-1.0, -1.0, 1.0]), 'are turned by 180 deg'),
+    (lambda one: late(one, 0.3), 'follow its tilts 0.30 s late'),
+    (lambda one: late(one, -0.3), 'follow its tilts 0.30 s early'),
+    (lambda one: dataclasses.replace(one, quaternion=one.quaternion[:, [3, 0, 1, 2]]),
+     'upside down in 100 % of the flight'),
+    (lambda one: dataclasses.replace(one, quaternion=flight(period=(3.1, 1.9)).quaternion),
+     'do not follow its tilts'),
+], ids=['feet', 'half', 'mirrored', 'turned', 'late', 'early', 'wxyz', 'another flight'])
+def test_what_contradicts_the_tilts_is_told(change, said):
+    assert said in tilts.describe(change(flight())).replace('-180', '180')
+
+
+@pytest.mark.parametrize('one', [
+    flight(length=4.0), flight(a=0.01, b=0.01), moved(flight(a=0.01), [100.0, 0.0, 1.0]),
+    dataclasses.replace(flight(), quaternion=np.full_like(flight().quaternion, np.nan)),
+], ids=['short', 'hovers', 'hardly tilts', 'no attitude'])
+def test_what_shows_too_little_is_not_judged(one):
+    assert tilts.describe(one) == '' or one.position[:, 0].max() > 0.5
+
+
+def test_gaps_and_the_floor_do_not_count():
+    one = flight()
+    keep = (one.t < 6.0) | (one.t > 9.0)
+    assert tilts.describe(dataclasses.replace(
+        one, stamps=one.stamps[keep], position=one.position[keep],
+        quaternion=one.quaternion[keep])) == ''
+    rolls = one.t < 14.0  # level, along the floor
+    level = np.where(rolls[:, None], [0.0, 0.0, 0.0, 1.0], one.quaternion)
+    rolled = dataclasses.replace(one, quaternion=level)
+    assert 'do not follow' in tilts.describe(rolled)
+    rolled.position[rolls, 2] = 0.0
+    assert tilts.describe(rolled) == ''
