@@ -26,6 +26,8 @@ from .regression import IdentifyError, Value
 Floats = NDArray[np.float64]
 
 LEAST_SWINGS = 2.0   # in a recording
+PAUSE = 0.1          # of a swing, longest time between two samples
+USUAL = 3.0          # steps, which are no pause either
 LARGEST = 2.8        # rad, of a swing: beyond is no pendulum but deg/s taken for rad/s
 EXPLAINED = 0.5      # least part of the power of the gyro that a swing of (4.2) has to explain
 OTHER_UNIT = 2.0     # [-] unexplained variance in the unit given over that in the other, at least:
@@ -89,6 +91,12 @@ def _check(t: Floats, rate: Floats) -> tuple[float, float]:
     if swings < LEAST_SWINGS:
         raise IdentifyError(
             f'{swings:.1f} swings in {t[-1] - t[0]:.1f} s, at least {LEAST_SWINGS:g} are needed')
+    steps = np.diff(t)
+    gap = int(np.argmax(steps))
+    if steps[gap] > max(PAUSE * 2.0 * np.pi / frequency, USUAL * np.median(steps)):
+        raise IdentifyError(
+            f'no sample from {t[gap]:.4g} to {t[gap + 1]:.4g} s, where the clock may have jumped: '
+            'give --start and --end of a part without such a gap')
     if top / frequency > LARGEST:
         raise IdentifyError(
             f'a rate of {top:.3g} at {frequency:.3g} rad/s would be a swing of '

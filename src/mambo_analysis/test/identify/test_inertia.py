@@ -78,6 +78,14 @@ def test_what_is_no_swing_is_refused_in_one_line(change, message):
     assert '\n' not in str(error.value)
 
 
+def test_a_jump_of_the_clock_is_refused():
+    jumped = np.where(T > 10.0, T + 1.0, T)
+    with pytest.raises(IdentifyError, match='no sample from 10 to 11.01 s'):
+        fit_swing(jumped, swing(7.5e-5))
+    kept = (T < 10.0) | (T > 10.05)  # a few lost samples are none
+    assert fit_swing(T[kept], swing(7.5e-5)[kept]).linear.value > 0.0
+
+
 @pytest.mark.long
 @pytest.mark.parametrize('theta, factor, message', [
     (0.03, 180.0 / np.pi, 'is the gyro in deg/s? then give --unit deg/s'),
