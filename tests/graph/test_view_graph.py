@@ -25,7 +25,8 @@ def test_the_bag_is_the_same_with_a_view_without_and_with_one_that_fails(
     assert f'view: http://127.0.0.1:{port}\n' in capsys.readouterr().out
     monkeypatch.setattr(runner, 'VIEW', ('mambo_bags', 'replay_node'))  # ends: it knows no bag
     assert fly(tmp_path / 'failed', '--duration', '4', '--view', port) == alone
-    assert 'the view ended before the flight: replay_node: ' in capsys.readouterr().out
+    assert ('the view ended before the flight: replay_node ended with exit code 2: '
+            in capsys.readouterr().out)
 
 
 def test_the_page_answers_while_the_flight_lasts_and_not_after(tmp_path):

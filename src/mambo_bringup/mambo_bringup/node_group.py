@@ -39,7 +39,7 @@ class NodeGroup:
     interrupts : Interrupts
         Signals received from the user.
     spectators_lost : list[str]
-        Last line of each spectator that ended before the flight.
+        How each spectator ended that did so before the flight.
     fault : str
         What went wrong, beginning with the name of the node; empty if nothing did.
 
@@ -94,7 +94,7 @@ class NodeGroup:
         recorders = [child for child in self.children if child.name == self._recorder]
         others = [child for child in self.children if child not in (*last, *recorders)]
         self.spectators_lost = [
-            child.lines[-1] if child.lines else f'exit code {child.exit_code}'
+            child.trouble()
             for child in self._spectators if child.exit_code is not None]
         for child in (*self.children, *self._spectators):
             child.resume()

@@ -42,6 +42,13 @@ def _whole(value: float) -> int:
     return int(value) if math.isfinite(value) and value == int(value) else -1
 
 
+def chosen(dropdown: Any) -> str:
+    """Return the choice of a dropdown; its first one in place of what is none of them."""
+    if dropdown.value not in dropdown.options:
+        dropdown.value = dropdown.options[0]
+    return dropdown.value
+
+
 class Controls:
     """
     The commands of a page; they are off until :meth:`offer` says what the flight takes.
@@ -107,7 +114,7 @@ class Controls:
         self._file = gui.add_dropdown('file', (_NO_FILE,))
         relative = gui.add_checkbox('from where it is ', initial_value=True)
         self._button(gui, 'follow', 'Follow', lambda: {
-            'trajectory': self._file.value, 'relative': relative.value})
+            'trajectory': chosen(self._file), 'relative': relative.value})
 
     def _tab_time(self, gui: Any) -> None:
         """Pause, go on, step."""
@@ -139,8 +146,8 @@ class Controls:
         self._clicks.put(Order(name, self._chosen(), arguments()))
 
     def _chosen(self) -> tuple[str, ...]:
-        chosen = self._drone.value
-        return self._drones if chosen == ALL else (chosen,)
+        drone = chosen(self._drone)
+        return self._drones if drone == ALL else (drone,)
 
     def _why_not(self, name: str) -> str:
         """Return why a command is off; empty: it is not."""

@@ -47,6 +47,8 @@ class DroneState:
         Motor commands.
     health : dict[str, tuple[int, str]]
         Level (0 OK, 1 WARN, 2 ERROR) and message of each node.
+    heard : dict[str, float]
+        When each node reported its health, monotonic wall time, s; empty for a recording.
 
     """
 
@@ -54,6 +56,7 @@ class DroneState:
     poses: dict[str, Pose] = field(default_factory=dict)
     pwm: tuple[float, ...] = (math.nan,) * 4
     health: dict[str, tuple[int, str]] = field(default_factory=dict)
+    heard: dict[str, float] = field(default_factory=dict)
 
     def position(self, role: str) -> tuple[float, float, float]:
         """Return the position of a role, m; NaN if it is not known."""

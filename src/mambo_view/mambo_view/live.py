@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 import math
 import struct
+import time
 from typing import Any
 
 from mambo_model.frames import flip_vector, wire_quaternion
@@ -126,3 +127,4 @@ class Mailbox:
         for name, level, message in self._statuses(data)[:_MOST]:
             if name in self.state.health or len(self.state.health) < _MOST:
                 self.state.health[name] = (level, message)
+                self.state.heard[name] = time.monotonic()

@@ -21,7 +21,7 @@ from mambo_model.errors import InputError, JobError
 import numpy as np
 
 from . import same_origin
-from .controls import Controls
+from .controls import chosen, Controls
 from .drone_state import (
     DroneState, ESTIMATE, History, MEASURED, REFERENCE, rgb, ROLES, SIGNALS, TRUTH)
 
@@ -33,6 +33,7 @@ _LEVELS = (('good', 'OK'), ('half', 'WARN'), ('bad', 'ERROR'))
 _LONGEST = 160  # characters of a message on the page
 _PLOT_HEIGHT = 240  # pixels
 _LAST = 1e9  # order of the health in the panel, below what a caller adds
+_SILENT = 5.0  # s of wall time, after which the health of a node is not known any more
 _STATUS = '<p style="margin:.4em .7em"><b>{}</b></p>'
 
 
@@ -142,11 +143,18 @@ class _Drone:
                 line.visible = bool(len(segments))
 
 
-def _health(state: DroneState) -> str:
-    """Return the health of every node as a table; every text in it is escaped."""
+def _health(state: DroneState, now: float = math.nan) -> str:
+    """
+    Return the health of every node as a table; every text in it is escaped.
+
+    A node that has been silent for long at ``now``, monotonic s, has none any more.
+    """
     rows = []
     for node, (level, message) in sorted(state.health.items()):
         role, word = _LEVELS[min(max(level, 0), 2)]
+        silent = now - state.heard.get(node, math.nan)
+        if silent > _SILENT:
+            role, word, message = 'half', '?', f'no report for {silent:.0f} s'
         name, text = html.escape(node[:_LONGEST]), html.escape(message[:_LONGEST])
         style = f'color:{palette.COLOURS[role]};padding:0 .6em'
         rows.append(f'<tr><td>{name}</td><td style="{style}"><b>{word}</b></td>'
@@ -193,7 +201,8 @@ class Page:
         check(port)
         viser = _viser()
         # what a stranger sends to the port ends the connection and is no error of the view
-        logging.getLogger('websockets.server').setLevel(logging.CRITICAL)
+        for logger in ('websockets.server', 'asyncio'):
+            logging.getLogger(logger).setLevel(logging.CRITICAL)
         self.server = None
         try:
             with contextlib.redirect_stdout(io.StringIO()), same_origin.enforced():  # its banner
@@ -235,7 +244,7 @@ class Page:
     @property
     def _chosen(self) -> int:
         """Return the number of the drone whose curves and health are shown."""
-        return self._names.index(self._chooser.value)
+        return self._names.index(chosen(self._chooser))
 
     def _new_plot(self, name: str) -> None:
         """Put a plot of other signals into the place of the last one."""
@@ -262,7 +271,7 @@ class Page:
 
     def draw(self) -> None:
         """Draw curves and paths anew; dearer, for some times a second."""
-        shown, name = self._shown(), self._signal.value
+        shown, name = self._shown(), chosen(self._signal)
         wanted = (name, self._chosen, shown, *(one.version for one in self.histories))
         if wanted == self._drawn:
             return
@@ -280,10 +289,16 @@ class Page:
                 self._plot.scales = scales
             self._plot.data = columns
 
-    def report(self, states: Sequence[DroneState], text: str) -> None:
-        """Write a line of status, which is escaped, and the health of the chosen drone."""
+    def report(
+        self, states: Sequence[DroneState], text: str, now: float = math.nan,
+    ) -> None:
+        """
+        Write a line of status, which is escaped, and the health of the chosen drone.
+
+        ``now`` is the monotonic wall time, s; NaN for a recording.
+        """
         self._status.content = _STATUS.format(html.escape(text))
-        content = _health(states[self._chosen])
+        content = _health(states[self._chosen], now)
         if content != self._health.content:
             self._health.content = content
 

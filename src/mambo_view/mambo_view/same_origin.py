@@ -18,6 +18,8 @@ from typing import Any
 
 from mambo_model.errors import JobError
 
+from . import incoming
+
 NAMES = ('127.0.0.1', 'localhost')
 """Hosts of the page; any port, because a tunnel, such as one of ``ssh -L``, may have another."""
 NO_FRAME = {'X-Frame-Options': 'DENY', 'Content-Security-Policy': "frame-ancestors 'none'"}
@@ -62,6 +64,8 @@ def enforced() -> Iterator[None]:
     """
     Let servers of viser that start in this context serve their own pages alone.
 
+    Of what these send, :mod:`mambo_view.incoming` passes on what they may.
+
     viser 1.1 has no option for this, and keeps to itself the server that it makes. It makes it by
     ``websockets.asyncio.server.serve``, whose public argument ``process_request`` sees every
     request, page or websocket, before anything is answered. That function is replaced while the
@@ -76,10 +80,16 @@ def enforced() -> Iterator[None]:
     from websockets.asyncio import server
     seen = []
 
-    def serve(*args: Any, process_request: Callable[[Any, Any], Any], **options: Any) -> Any:
-        """Start a server that checks every request."""
+    def serve(handler: Callable[[Any], Any], *args: Any,
+              process_request: Callable[[Any, Any], Any], **options: Any) -> Any:
+        """Start a server that checks every request and every message."""
+        async def handle(connection: Any) -> None:
+            """Handle a websocket whose messages are checked."""
+            connection.recv = incoming.screened(connection.recv)
+            await handler(connection)
         seen.append(process_request)
-        return original(*args, process_request=_checked(process_request), **options)
+        return original(handle, *args, process_request=_checked(process_request),
+                        **{**options, 'max_size': incoming.LARGEST})
     with _patching:
         original, server.serve = server.serve, serve
         try:

@@ -16,10 +16,11 @@ from pathlib import Path
 import time
 
 from mambo_bags.cli.option_types import whole
-from mambo_bags.command import guard, Parser
+from mambo_bags.command import guard, Parser, refuse_unused
 from mambo_model.errors import InputError
 import numpy as np
 
+from .controls import chosen
 from .dispatcher import FOLDERS
 from .page import check, Page, PORT
 from .recording import Recording
@@ -66,12 +67,12 @@ class Player:
 
     def step(self, seconds: float) -> None:
         """Advance by a wall time, s, and show the drones."""
-        t = self._slider.value
+        t = min(max(self._slider.value, 0.0), self._slider.max)
         if time.monotonic() >= self._next:  # somebody may have chosen other curves
             self._next = time.monotonic() + _DRAW_EVERY
             self.page.draw()
         if self._play.value:
-            t += min(seconds, _LONGEST_STEP) * float(self._speed.value)
+            t += min(seconds, _LONGEST_STEP) * float(chosen(self._speed))
             self._slider.value = t = 0.0 if t > self._slider.max else t
         if t == self._drawn:
             return
@@ -101,6 +102,8 @@ def _run(options: argparse.Namespace) -> None:
                         f'commands:={str(not options.no_commands).lower()}', '-p',
                         f'trajectories:={json.dumps(options.trajectories)}'])
         return
+    refuse_unused(parser(), options, ('drones', 'no_commands', 'trajectories'),
+                  'it is for a running flight and a BAG is given')
     player = Player(options.bags, options.port, options.namespace)
     print(f'{player.page.address} (Ctrl-C ends it)', flush=True)
     try:

@@ -39,6 +39,29 @@ class ViewNodeParams:
 
     def __post_init__(self) -> None:
         schema.check(self)
+        names = self.names
+        if not names or not all(name.startswith('/') for name in names):
+            raise schema.ParameterError(
+                f'drones = {schema.shown(self.drones)} must be namespaces such as /mambo1,/mambo2')
+        if len(set(names)) < len(names):
+            raise schema.ParameterError(
+                f'drones = {schema.shown(self.drones)} names a drone twice')
+        for name in names:
+            client.check_namespace(name)
+        for folder in self.folders:
+            if self.trajectories != FOLDERS and not folder.is_dir():
+                raise schema.ParameterError(
+                    f'trajectories: {schema.shown(str(folder))} is no folder')
+
+    @property
+    def names(self) -> list[str]:
+        """Return the namespaces of the drones."""
+        return [name.strip() for name in self.drones.split(',') if name.strip()]
+
+    @property
+    def folders(self) -> list[Path]:
+        """Return the folders of trajectories."""
+        return [Path(one.strip()) for one in self.trajectories.split(',') if one.strip()]
 
 
 def statuses(data: bytes) -> list[tuple[str, int, str]]:
@@ -69,16 +92,11 @@ class ViewNode(node.MamboNode[ViewNodeParams]):
 
     def __init__(self, **kwargs) -> None:
         super().__init__('view_node', ViewNodeParams, **kwargs)
-        names = [name.strip() for name in self.params.drones.split(',') if name.strip()]
-        if not names or not all(name.startswith('/') for name in names):
-            raise schema.ParameterError(
-                f'ViewNodeParams.drones = {self.params.drones!r} must be namespaces such as '
-                '/mambo1,/mambo2')
+        names = self.params.names
         self.page = Page(names, self.params.port, _LENGTH, self.params.commands)
         self._dispatcher = Dispatcher(
             self.page.controls, names, partial(client.Call, self), read_course, setting,
-            [Path(folder.strip()) for folder in self.params.trajectories.split(',')
-             if folder.strip()]) if self.page.controls else None
+            self.params.folders) if self.page.controls else None
         self._boxes = [Mailbox(statuses) for _ in names]
         for name, box in zip(names, self._boxes, strict=True):
             for topic in SHOWN:
@@ -122,7 +140,7 @@ class ViewNode(node.MamboNode[ViewNodeParams]):
         refused = sum(box.refused for box in self._boxes)
         self.page.report([box.state for box in self._boxes], (
             f't = {max(times):.1f} s' if times else 'waiting for a flight') + (
-            f', {refused} messages could not be shown' if refused else ''))
+            f', {refused} messages could not be shown' if refused else ''), time.monotonic())
 
     def finish(self) -> None:
         """End the page."""

@@ -101,6 +101,13 @@ def test_texts_of_strangers_are_no_markup(shown):
     assert '&lt;b&gt;t' in shown._status.content
 
 
+def test_the_health_of_a_node_that_is_silent_is_not_shown_as_good(shown):
+    state = DroneState(0.0, health={'sim_node': (0, 'flying')}, heard={'sim_node': 100.0})
+    for now, said in ((104.0, 'flying'), (112.4, 'no report for 12 s'), (113.0, '13 s')):
+        shown.report([state, state], 't', now)
+        assert said in shown._health.content and ('OK' in shown._health.content) == (now < 105.0)
+
+
 @pytest.mark.long
 def test_garbage_of_a_stranger_fills_no_terminal(shown, caplog):
     port = shown.server.get_port()

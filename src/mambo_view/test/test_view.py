@@ -78,7 +78,8 @@ def test_of_a_bag_with_several_drones_one_is_chosen(tmp_path, capsys):
 
 def test_wrong_input_is_one_line_and_ctrl_c_the_way_out(capsys, monkeypatch, tmp_path):
     for words in (['--port', '0'], [str(tmp_path / 'none')], ['--port', 'x'],
-                  ['--namespace', 'b'], [str(BAG), '--namespace', 'b']):
+                  ['--namespace', 'b'], [str(BAG), '--namespace', 'b'],
+                  [str(BAG), '--drones', '/x'], [str(BAG), '--no-commands']):
         try:
             code = view.main(words)
         except SystemExit as end:

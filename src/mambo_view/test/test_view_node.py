@@ -7,6 +7,7 @@ import time
 import urllib.request
 
 from free_port import free_port
+from mambo_model.errors import InputError
 from mambo_model.motion.rigid_body import State
 from mambo_model.schema import ParameterError
 from mambo_ros import diagnostics, messages, node, topics
@@ -14,7 +15,7 @@ from mambo_ros.commands import client, table
 from mambo_ros.commands.services import Services
 from mambo_ros.loop import Loop
 from mambo_view.drone_state import TRUTH
-from mambo_view.view_node import read_course, ViewNode, watch
+from mambo_view.view_node import read_course, ViewNode, ViewNodeParams, watch
 import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
@@ -141,7 +142,12 @@ def test_a_trajectory_is_sent_as_mambo_follow_sends_it():
     assert read_course(path).startswith('duration,x^0')
 
 
-@pytest.mark.parametrize('drones', ['', 'mambo', '/a,b'])
+@pytest.mark.parametrize('drones', ['', 'mambo', '/a,b', '/', '/a b', '/a/', '/a-1', '/a,/a'])
 def test_names_that_are_no_namespaces_are_refused(ros, drones):
-    with pytest.raises(ParameterError, match='must be namespaces'):
+    with pytest.raises(InputError, match='namespace|twice'):
         view(drones)
+
+
+def test_a_folder_of_trajectories_must_be_there():
+    with pytest.raises(ParameterError, match="trajectories: '/nowhere' is no folder"):
+        ViewNodeParams(trajectories='/nowhere')
