@@ -16,6 +16,7 @@ from .parameters import STEP_NS
 
 _ASK_AGAIN = 5.0  # s of wall time between log lines that name the missing motor command
 MOST_STEPS = 1_000_000  # of one request, while paused
+SILENT = 200  # steps without any motor command, after which none is waited for
 LATE = 0.05  # [-] of the wall time that a flight in real time takes longer than asked for
 
 
@@ -148,9 +149,12 @@ def wait_for_deadline(sim: Any, loop: Any, deadline: float) -> None:
     Serve the graph until the wall clock reaches the next step (real time).
 
     A step that began late, because the machine was busy, still gets its full period for the motor
-    command; after the command has arrived the delay is made up for.
+    command; after the command has arrived the delay is made up for. So it is at once where no
+    controller has ever answered, ``SILENT`` steps long, or none is awaited any more.
     """
-    overdue = max(deadline, sim.sensed + STEP_NS * 1e-9 / sim.params.speed)
+    overdue = deadline
+    if sim.starved < 0 and (sim.delays.count or sim.missed < SILENT):
+        overdue = max(deadline, sim.sensed + STEP_NS * 1e-9 / sim.params.speed)
     while not loop.stopping:
         left = (deadline if sim.answered else overdue) - time.monotonic()
         if left <= 0.0:
@@ -209,6 +213,8 @@ def run(sim: Any, loop: Any) -> int:
         sim.advance()
     took = time.monotonic() - began
     late = took - (sim.t + STEP_NS) * 1e-9 / speed
+    if not lockstep and not sim.delays.count:
+        log.warning('no motor command came: is a controller running in this domain and namespace?')
     if not lockstep and late > LATE * took:
         log.warning(f'fell {late:.2f} s behind the wall clock: the controller or the machine is '
                     f'too slow for speed {speed:g}')

@@ -28,6 +28,7 @@ class Sim:
     def __init__(self, **parameters):
         self.params = SimNodeParams(**parameters)
         self.t, self.sensed, self.missed, self.senses = 0, 0.0, 0, 0
+        self.starved = -1
         self.answered_to, self.gave_up, self.watched, self.heard = -1, [], [], None
         self.delays, self.log = Delays(), logging.getLogger('test')
         self.pause = lockstep.Pause(self.params.paused)
@@ -74,6 +75,7 @@ class Loop:
             self.clock.now = max(self.clock.now, due)
             self.sim.answered_to = self.sim.t
             self.sim.heard = self.clock.now
+            self.sim.delays.add(delay)
         else:
             self.clock.now = end
 
@@ -191,6 +193,21 @@ def test_a_flight_in_real_time_says_how_far_it_fell_behind(
     assert lockstep.run(sim, Loop(sim, clock, lambda t: 0.002)) == 0
     warnings = [record.message for record in caplog.records if record.levelname == 'WARNING']
     assert warnings == ([said] if said else []) and sim.missed == 0
+
+
+def test_without_a_controller_the_pace_is_kept_and_the_reason_said(clock, caplog):
+    sim = Sim(mode='realtime', duration=4.0, patience=10.0)
+    sense = sim.sense
+
+    def work():
+        clock.now += 0.02 * (sim.t % 50_000_000 == 0)
+        sense()
+
+    sim.sense = work
+    assert lockstep.run(sim, Loop(sim, clock, lambda t: None)) == 0
+    assert clock.now - 100.0 == pytest.approx(4.005, abs=0.03)
+    assert [record.message for record in caplog.records if record.levelname == 'WARNING'] == [
+        'no motor command came: is a controller running in this domain and namespace?']
 
 
 def test_a_graph_that_is_silent_in_real_time_is_given_up_at_the_end(clock):

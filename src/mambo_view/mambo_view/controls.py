@@ -201,7 +201,9 @@ class Controls:
 
     def answer(self, text: str, good: bool) -> None:
         """Show what came of a command, the newest first; the text is escaped."""
-        line = f'{time.strftime("%H:%M:%S")} {text}'[:_LONGEST]
+        if len(text) > _LONGEST:  # what is wrong is said at the end
+            text = f'{text[:_LONGEST // 3]}…{text[-2 * _LONGEST // 3:]}'
+        line = f'{time.strftime("%H:%M:%S")} {text}'
         self._answers.appendleft(_LINE.format(
             palette.COLOURS['good' if good else 'bad'], html.escape(line)))
         self._log.content = ''.join(tuple(self._answers))

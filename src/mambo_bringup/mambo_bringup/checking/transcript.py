@@ -167,6 +167,6 @@ class Transcript:
                 f'{STEP * 1e3:.0f} ms')
         if took.max() > LATE:
             return BROKEN, f'{text}; after {LATE:g} s without a command the motors are stopped'
-        if late > len(took) // 2:
+        if 2 * late >= len(took):
             return BROKEN, f'{text}; wanted most in time'
         return KEPT, text

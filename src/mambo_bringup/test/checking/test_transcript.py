@@ -63,6 +63,15 @@ def test_answers_in_real_time_are_in_time(transcript, late, verdict, seen):
     assert found.verdict == verdict and found.seen.endswith(seen)
 
 
+def test_half_of_the_answers_in_time_are_not_most(transcript):
+    assert verdicts(transcript)['real time'].verdict == KEPT
+    paced = [at for at, one in enumerate(transcript.heard) if one.stamp in transcript.paced]
+    for at in paced[:(len(paced) + 1) // 2]:
+        one = transcript.heard[at]
+        transcript.heard[at] = one._replace(wall=transcript.asked[one.stamp] + 0.006)
+    assert verdicts(transcript)['real time'].verdict == BROKEN
+
+
 def test_numbers_out_of_limits_are_told_with_their_time(transcript):
     transcript.heard[6] = transcript.heard[6]._replace(wrong='pwm = nan')
     found = verdicts(transcript)['values']

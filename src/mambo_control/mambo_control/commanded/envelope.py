@@ -64,7 +64,7 @@ def beyond(
     total = sum(segment.duration for segment in segments)
     if not total <= p.longest:
         return f'the path takes {total:.3g} s, limit {p.longest:g} s'
-    for segment in (*segments, Segment(0.0, end[:, None], TRACK)):
+    for segment in (Segment(0.0, end[:, None], TRACK), *segments):
         landing = segment.phase in (TAKEOFF, LANDING) or segment.duration == 0.0
         low = 0.0 if landing else min(p.lowest, height)
         low = p.lowest if hovers and segment.duration == 0.0 else low

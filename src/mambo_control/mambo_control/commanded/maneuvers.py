@@ -21,6 +21,8 @@ SHORTEST = 1.0  # s, of a path whose duration is not given
 _MARGIN = 0.8  # of the limits, that a path whose duration is not given keeps
 _BRAKE = 35.0 / 16.0  # peak of the acceleration over its mean, of a change of velocity
 _BRAKE_SHORTEST = 0.4  # s
+_POINTS = 65  # of a segment whose length is measured
+_DETOUR = 1.25  # [-] times the way by a point of rest, that one polynomial may be long
 
 
 class Segment(NamedTuple):
@@ -49,6 +51,32 @@ def is_resting(state: Array) -> bool:
 def move(start: Array, end: Array, duration: float, phase: int = TRACK) -> Segment:
     """Return the polynomial from one state to another in a duration in s."""
     return Segment(duration, connect(start, end, duration), phase)
+
+
+def length(way: list[Segment]) -> float:
+    """Return how long a way of finite duration is, m."""
+    out = 0.0
+    for segment in way:
+        t = np.linspace(0.0, segment.duration, _POINTS)
+        points = np.polynomial.polynomial.polyval(t, segment.coefficients[:3].T)
+        out += float(np.sqrt((np.diff(points) ** 2).sum(axis=0)).sum())
+    return out
+
+
+def visit(start: Array, end: Array, duration: float, p: CommandParams) -> list[Segment]:
+    """
+    Return the path from one state to another in a duration in s.
+
+    One polynomial that begins with a velocity and has much time overshoots by it: then the way
+    is to rest first, and on from there.
+    """
+    direct = [move(start, end, duration)]
+    slowing, there = stop(start, p)
+    left = duration - sum(segment.duration for segment in slowing)
+    if not slowing or left < SHORTEST:
+        return direct
+    over = [*slowing, move(at_rest(there), end, left)]
+    return over if length(direct) > _DETOUR * length(over) else direct
 
 
 def least_duration(start: Array, goal: Array, p: CommandParams) -> float:

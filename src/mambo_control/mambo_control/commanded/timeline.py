@@ -30,7 +30,7 @@ from .command_params import CommandParams
 from .demand import STEP
 from .envelope import beyond
 from .maneuvers import (
-    at_rest, extrapolated, fly_on, least_duration, move, rest, Segment, SHORTEST, stop)
+    at_rest, extrapolated, fly_on, least_duration, move, rest, Segment, SHORTEST, stop, visit)
 
 TOUCHDOWN = 0.1  # m, highest reference at which the motors may stop
 ALIGNING = 0.5  # s from the start, in which the vehicle rests and the estimator aligns
@@ -257,9 +257,10 @@ def _go_to(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
     here = state[:, 0]
     goal = np.array([*c.position, c.yaw]) + (here if c.relative else 0.0)
     goal[3] = here[3] + math.remainder(goal[3] - here[3], 2.0 * math.pi)
-    duration = c.duration or least_duration(state, goal, p)
-    return lambda longer: ([move(state, at_rest(goal), longer * duration)], goal), (
-        _tries(c))
+    if c.duration:
+        return lambda _: (visit(state, at_rest(goal), c.duration, p), goal), 1
+    duration = least_duration(state, goal, p)
+    return lambda longer: ([move(state, at_rest(goal), longer * duration)], goal), _TRIES
 
 
 def _follow(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
@@ -289,8 +290,9 @@ def _follow(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
 
     def build(longer: float) -> Way:
         """Return the way to the course, the course, and the way to rest."""
-        approach = longer * (c.duration or least_duration(state, first[:, 0], p))
-        way = [] if near else [move(state, first, approach)]
+        approach = longer * least_duration(state, first[:, 0], p)
+        way = [] if near else (visit(state, first, c.duration, p) if c.duration else
+                               [move(state, first, approach)])
         slowing, end = stop(last, p, longer)
         return way + own + slowing, end
     return build, _tries(c)

@@ -66,3 +66,27 @@ def test_rest_has_one_coefficient_and_no_end():
     segment = mv.rest(np.arange(4.0), 2)
     assert segment.duration == math.inf and segment.coefficients.shape == (4, 1)
     assert mv.is_resting(mv.at_rest(np.arange(4.0))) and not mv.is_resting(MOVING)
+
+
+def extent(way):
+    """Return the largest distance of a way from its beginning along x, m."""
+    return max(np.abs(np.polynomial.polynomial.polyval(
+        np.linspace(0.0, one.duration, 200), one.coefficients[0]) - MOVING[0, 0]).max()
+        for one in way)
+
+
+@pytest.mark.parametrize(('goal', 'duration', 'pieces'), [
+    ((2.5, 2.0, -1.5, 0.2), 2.0, 1), ((1.4, 1.8, -1.4, 0.3), 8.0, 2),
+    ((1.4, 1.8, -1.4, 0.3), 20.0, 2), ((1.4, 1.8, -1.4, 0.3), 0.9, 1)])
+def test_a_visit_with_much_time_does_not_overshoot(goal, duration, pieces):
+    end = mv.at_rest(np.array(goal))
+    way = mv.visit(MOVING, end, duration, P)
+    assert len(way) == pieces and sum(one.duration for one in way) == pytest.approx(duration)
+    np.testing.assert_allclose(end_of(way[-1]), end, atol=1e-9)
+    begin = np.array([jet(axis, 0.0) for axis in way[0].coefficients])
+    np.testing.assert_allclose(begin, MOVING, atol=1e-12)
+    direct = extent([mv.move(MOVING, end, duration)])
+    if pieces == 1:
+        assert extent(way) == direct
+    else:
+        assert extent(way) < 0.9 < 2.0 < direct  # it stops in 0.88 m

@@ -207,6 +207,12 @@ def test_in_flight_what_is_unsafe_is_refused_in_one_line(command, words):
     assert words in refused(flown(UP), command._replace(t=6 * S))
 
 
+def test_a_goal_outside_is_named_as_such_in_motion():
+    timeline = flown(UP, FlightCommand(8 * S, fc.GO_TO, position=(1.0, 0.0, -1.0)))
+    reason = refused(timeline, FlightCommand(8 * S + S // 2, fc.GO_TO, position=(9.0, 0.0, -1.0)))
+    assert reason == 'the path leaves the volume: x = 9 m, limit 5 m'
+
+
 def darting(duration):
     """Return a course that rests for 1 s, goes 1 m ahead and back within a piece, and rests."""
     rest, dart = np.zeros((2, 4, 8))

@@ -76,6 +76,10 @@ class Live:
                 'set_parameters_atomically'))
         if not parameter_list:
             return SetParametersResult(successful=True, reason='nothing to set')
+        names = [one.name for one in parameter_list]
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            return SetParametersResult(successful=False, reason=f'{twice}: given twice')
         known = schema.flatten(self.params)
         if all(p.name not in known and self.has_parameter(p.name)
                for p in parameter_list):  # ROS's own, such as use_sim_time

@@ -15,6 +15,7 @@ import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
 
 if TYPE_CHECKING:
     from ..node import MamboNode
@@ -44,9 +45,29 @@ def _refuse_without_parameters(args: list[str]) -> None:
                                      f'{KEY.decode()}: is needed')
 
 
+def _refuse_other(words: list[str]) -> None:
+    """Raise InputError for arguments that are not of ROS, which a node has no use for."""
+    if other := remove_ros_args(words):
+        raise InputError(f'{other[0][:80]!r} is no argument of a node: it takes those of ROS, '
+                         'behind --ros-args; --help lists its parameters')
+
+
 def init(args: list[str] | None) -> None:
-    """Start ROS. JobError if it cannot write its log, or gets no thread."""
-    _refuse_without_parameters(sys.argv[1:] if args is None else args)
+    """
+    Start ROS.
+
+    Raises
+    ------
+    InputError
+        For arguments of no use.
+    JobError
+        If ROS cannot write its log, or gets no thread.
+
+    """
+    words = sys.argv if args is None else args
+    words = words[1:] if words[:1] == sys.argv[:1] else words  # without the program
+    _refuse_without_parameters(words)
+    _refuse_other(words)
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:

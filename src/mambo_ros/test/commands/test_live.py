@@ -97,6 +97,12 @@ def test_all_are_set_or_none(node):
     assert node.params == Params() and not node.records
 
 
+def test_a_name_is_given_once(node):
+    twice = [Parameter('gain', value=value) for value in (2.0, 3.0)]
+    answer = node.set_parameters_atomically(twice)
+    assert (answer.successful, answer.reason) == (False, 'gain: given twice')
+
+
 def test_a_request_for_nothing_changes_and_records_nothing(node):
     assert ask(node) == SetParametersResult(successful=True, reason='nothing to set')
     node.step(0)

@@ -14,11 +14,12 @@ process.compose([node])
 """
 
 
-def start(folder, error, **variables):
+def start(folder, error, *words, **variables):
     """Run a node that raises an error; return exit code and stderr."""
     (folder / 'one_node.py').write_text(NODE.format(error))
-    done = subprocess.run([sys.executable, 'one_node.py'], cwd=folder, text=True, timeout=60,
-                          capture_output=True, env={**os.environ, **variables})
+    done = subprocess.run(
+        [sys.executable, 'one_node.py', *words], cwd=folder, text=True, timeout=60,
+        capture_output=True, env={**os.environ, **variables})
     return done.returncode, done.stderr
 
 
@@ -29,6 +30,13 @@ def start(folder, error, **variables):
     ('MemoryError', 'out of memory')])
 def test_what_the_machine_is_out_of_is_one_line(tmp_path, error, line):
     assert start(tmp_path, error) == (1, f'one_node: {line}\n')
+
+
+@pytest.mark.parametrize('words', [('-p', 'port:=1'), ('--nope',), ('x', '--ros-args')])
+def test_arguments_that_are_not_of_ros_are_refused(tmp_path, words):
+    code, line = start(tmp_path, 'MemoryError', *words)
+    assert code == 2 and line.startswith(f'one_node: {words[0]!r} is no argument of a node: it ')
+    assert line.count('\n') == 1
 
 
 @pytest.mark.long
