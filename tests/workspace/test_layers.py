@@ -49,7 +49,7 @@ ROS_MESSAGES = {'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'nav_m
 # rosdep's name of what Python imports under another; None where rosdep has none, or for extras
 ROSDEP = {'argcomplete': 'python3-argcomplete', 'clarabel': None, 'distributed': None,
           'gymnasium': None, 'h5py': None, 'llvmlite': 'python3-numba', 'lz4': None,
-          'matplotlib': 'python3-matplotlib', 'mcap': None,
+          'matplotlib': 'python3-matplotlib', 'mcap': None, 'msgspec': None,
           'numba': 'python3-numba', 'numpy': 'python3-numpy', 'osqp': None,
           'pandas': 'python3-pandas', 'plotly': None, 'pyarrow': None, 'pyulog': None,
           'rosbags': None,

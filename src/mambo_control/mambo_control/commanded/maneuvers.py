@@ -59,7 +59,8 @@ def length(way: list[Segment]) -> float:
     for segment in way:
         t = np.linspace(0.0, segment.duration, _POINTS)
         points = np.polynomial.polynomial.polyval(t, segment.coefficients[:3].T)
-        out += float(np.sqrt((np.diff(points) ** 2).sum(axis=0)).sum())
+        steps = np.diff(points)
+        out += float(np.sqrt((steps * steps).sum(axis=0)).sum())
     return out
 
 
