@@ -39,7 +39,7 @@ def main(args: list[str] | None = None) -> None:
     own = argparse.ArgumentParser('composed_node', add_help=False)
     own.add_argument('--world', type=Path)
     own.add_argument('--simulators', action='store_true')
-    options, _ = own.parse_known_args(words)
+    options, others = own.parse_known_args(words)
     if options.world is None or usage.asked(words):
         process.compose(NODES, args, sim_node.fly)
         return
@@ -47,7 +47,7 @@ def main(args: list[str] | None = None) -> None:
     types = NODES[-1:] if options.simulators else NODES
     process.compose(
         [partial(node, namespace=space, cli_args=own_topics())
-         for space in hall.places for node in types], args, partial(fleet.fly, hall))
+         for space in hall.places for node in types], others, partial(fleet.fly, hall))
 
 
 def read_hall(program: str, path: Path) -> Hall:

@@ -34,7 +34,7 @@ def main(args: list[str] | None = None) -> None:
     words = sys.argv[1:] if args is None else args
     own = argparse.ArgumentParser('hall_capture_node', add_help=False)
     own.add_argument('--world', type=Path)
-    options, _ = own.parse_known_args(words)
+    options, others = own.parse_known_args(words)
     if usage.asked(words):
         process.main(OptitrackNode, args)
         return
@@ -44,4 +44,4 @@ def main(args: list[str] | None = None) -> None:
     hall = read_hall('hall_capture_node', options.world)
     process.compose(
         [partial(OptitrackNode, namespace=space, cli_args=own_topics()) for space in hall.places],
-        args, partial(serve, hall))
+        others, partial(serve, hall))

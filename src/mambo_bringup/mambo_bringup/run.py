@@ -191,7 +191,7 @@ def _run(options: argparse.Namespace) -> None:
     if flight_options.only_prints(options):
         print(scenarios.commented_yaml(flight), end='')
         return
-    for line in flight_options.remarks(flight, options.stretch):
+    for line in flight_options.remarks(flight, options.stretch, options.trajectory):
         print(line)
     if others:
         print(f'the first of {1 + len(others)} flights of the file; the others: '

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 from mambo_bags.cli.option_types import declared, whole
@@ -213,7 +214,9 @@ def applied(flight: Scenario, options: argparse.Namespace) -> Scenario:
     return scenarios.override(flight, slower)
 
 
-def remarks(flight: Scenario, stretch: str | None = None) -> Iterator[str]:
+def remarks(
+    flight: Scenario, stretch: str | None = None, trajectory: str | None = None,
+) -> Iterator[str]:
     """
     Yield warnings about a flight, one line each: slow code, and what the vehicle cannot fly.
 
@@ -221,8 +224,8 @@ def remarks(flight: Scenario, stretch: str | None = None) -> Iterator[str]:
     ----------
     flight
         Scenario that is flown.
-    stretch
-        Value of ``--stretch``; None: not given.
+    stretch, trajectory
+        Values of ``--stretch`` and ``--trajectory``; None: not given.
 
     """
     if stretch is not None:
@@ -242,6 +245,9 @@ def remarks(flight: Scenario, stretch: str | None = None) -> Iterator[str]:
     name = course_file.source(plan).partition(',')[0] or 'the course'
     if odd := feasibility.odd(course):
         yield f'warning: {name} {odd}'
+    if stretch is not None and trajectory is not None:
+        for line in course_file.left(Path(trajectory).expanduser(), course):
+            yield f'warning: {line}: --stretch does not keep it'
     failure = feasibility.check(course, vehicle)
     if failure is None:
         return

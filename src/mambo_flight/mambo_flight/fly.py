@@ -113,7 +113,7 @@ def _run(options: argparse.Namespace) -> None:
     if not flight.sim_node.duration > 0.0:
         raise InputError(f'{name}: sim_node.duration must be more than 0 s')
     recording_to_bag.check(flight)
-    for line in flight_options.remarks(flight, options.stretch):
+    for line in flight_options.remarks(flight, options.stretch, options.trajectory):
         print(line)
     world = flight_options.world(options)
     if world.drones > 1:

@@ -86,6 +86,10 @@ def _check(t: Floats, rate: Floats) -> tuple[float, float]:
     regression.check_times(t)
     if not np.ptp(rate) > 0.0:
         raise IdentifyError('the gyro is constant: nothing swings')
+    if rate.min() >= 0.0 or rate.max() <= 0.0:
+        raise IdentifyError(
+            f'the gyro never changes its sign, {rate.min():.3g} to {rate.max():.3g}: a swing '
+            'turns both ways; is it the length of a rate?')
     frequency, top = _start(t, rate)
     swings = frequency * (t[-1] - t[0]) / (2.0 * np.pi)
     if swings < LEAST_SWINGS:

@@ -33,6 +33,8 @@ LIFT = (1.0, 6.0)  # largest thrust of four motors over the weight, of what flie
 STRAY = 2.0  # factor by which a thrust is misread; 1.03 at most on a real bench
 REACH = (0.5, 1.5)  # largest command of a bench over the limit of the base; 0.96 on a real one
 LIKE = (0.4, 2.5)  # thrust over that of the base at the largest command; 0.8 on a real bench
+MISSED = 0.02  # [-] RMS of mean thrusts, that is told
+SURE = 1e-3  # of the F test of lack of fit
 USUAL = (1.0, 2.5)  # exponent of the map of a rotor: 1.47 in the thesis
 THESIS = (4.29e-5, 1.47)  # a [N] and b of (4.5), sec. 4.4.2
 
@@ -128,6 +130,30 @@ def _fit(X: Floats, T: Floats, used: NDArray[np.bool_]) -> Thrust:
         float(np.sqrt(np.mean(rest ** 2))), used)
 
 
+def misfit(X: Floats, T: Floats, found: Thrust) -> str:
+    """
+    Return in words that the power law misses repeated readings; empty: it does not, or none are.
+
+    The F test of lack of fit, on logarithms: what the means at each command miss, beside what the
+    readings at one command scatter.
+    """
+    levels, level, counts = np.unique(X, return_inverse=True, return_counts=True)
+    n, m = len(X), len(levels)
+    rest = np.log(T) - np.log(found.a.value) - found.b.value * np.log(X)
+    means = np.bincount(level, rest) / counts
+    if m < 4 or n - m < m:
+        return ''
+    scatter = float(np.sqrt(np.sum((rest - means[level]) ** 2) / (n - m)))
+    missed = float(np.sqrt(counts @ means ** 2 / (m - 2)))
+    if missed < MISSED * np.sqrt(n / m) or scatter > 0.0 and stats.f.sf(
+            (missed / scatter) ** 2, m - 2, n - m) > SURE:
+        return ''
+    return (f'a X^b misses the mean thrusts by {100.0 * missed / np.sqrt(n / m):.2g} % RMS, where '
+            f'readings at one command scatter by {100.0 * scatter:.2g} %: the intervals do not '
+            'hold; check the zero of the scale, the time between command and reading, and where '
+            'thrust fades (--max-pwm)')
+
+
 def _draw(pwm: Floats, thrust: Floats, found: Thrust) -> Callable[[Figure], None]:
     X, T = pwm[found.used], thrust[found.used]
     fine = np.linspace(X.min(), X.max(), 200)
@@ -201,6 +227,8 @@ def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> result.
         notes.append(f'the thrust grows with the command to the power {found.b.value:.3g}; of '
                      f'rotors {USUAL[0]:g} to {USUAL[1]:g} are usual: check the zero of the scale '
                      'and of the command')
+    if line := misfit(pwm[found.used], thrust[found.used], found):
+        notes.append(line)
     report = result.Report(
         f'motor map of {options.file.name}',
         {'linear gain': found.gain, 'a': found.a, 'b': found.b}, facts, notes, changed,

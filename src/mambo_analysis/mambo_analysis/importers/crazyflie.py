@@ -227,7 +227,9 @@ def read_log(source: Source) -> Log:
     path = source.path
     try:
         found = json.loads(source.text())
-    except (ValueError, RecursionError) as error:
+    except RecursionError:
+        raise BagError(f'{path}: its lists are nested too deeply for a log') from None
+    except ValueError as error:
         raise BagError(f'{path}: no JSON file, or cut off ({error})') from None
     former = isinstance(found, dict) and 'drone' not in found and any(
         map(_is_signal, found.values()))

@@ -69,6 +69,7 @@ def test_errors_of_the_rig_widen_the_interval_as_they_should():
     (lambda t, r: (t[:40], r[:40]), '40 samples, at least 50'),
     (lambda t, r: (t[:100], r[:100]), r'1.\d swings in 1.0 s, at least 2'),
     (lambda t, r: (t, np.zeros_like(r)), 'constant: nothing swings'),
+    (lambda t, r: (t, np.abs(r)), 'the gyro never changes its sign'),
     (lambda t, r: (t, r * 180.0 / np.pi), 'is the gyro in deg/s'),
     (lambda t, r: (t, np.random.default_rng(1).standard_normal(len(t))), r'explains \d % of'),
     (lambda t, r: (t[::-1], r), 'time does not rise')])

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from interval_checks import assert_covers
+from mambo_analysis.identify import thrust
 from mambo_analysis.identify.regression import IdentifyError
 from mambo_analysis.identify.thrust import fit_thrust, main
 from mambo_model.vehicle import parameters
@@ -168,7 +169,7 @@ def test_a_wrong_zero_of_the_scale_is_noted(tmp_path, capsys, zero, noted):
     np.savetxt(file, np.stack([COMMANDS, bench(0) + zero], axis=1), header='pwm,thrust',
                delimiter=',', comments='')
     assert main([str(file)]) == 0
-    assert ('check the zero of the scale' in capsys.readouterr().out) == noted
+    assert ('usual: check the zero of the scale' in capsys.readouterr().out) == noted
 
 
 @pytest.mark.parametrize('k, factor', [(2, 10.0), (30, 0.1), (-7, 10.0)])
@@ -207,3 +208,28 @@ def test_a_map_that_no_vehicle_has_is_refused_with_and_without_a_folder(
     assert f'bench.csv: no motor map of a vehicle: vehicle.{said}' in error
     assert ('times the weight of identified: check --unit' if said == 'linear_gain = '
             else 'must rise with its command; check --command') in error
+
+
+@pytest.mark.parametrize('change, missed', [
+    (lambda X, T: T, ''), (lambda X, T: T + 0.02, '% RMS'),
+    (lambda X, T: np.minimum(T, 0.12), '% RMS'),
+    (lambda X, T: np.where(X > 200.0, 0.8 * T, T), '% RMS'),
+    (lambda X, T: np.roll(T, 10), '% RMS')], ids=['sound', 'zero', 'clipped', 'step', 'late'])
+def test_a_map_that_misses_repeated_readings_is_told(change, missed):
+    X = np.repeat(np.arange(50.0, 351.0, 25.0), 5)
+    noise = 1.0 + 0.02 * np.random.default_rng(3).standard_normal(len(X))
+    T = change(X, A * X ** B * noise)[10:]
+    found = thrust.misfit(X[10:], T, fit_thrust(X[10:], T))
+    assert missed in found and bool(missed) == bool(found)
+    once = X[10::5]
+    assert not thrust.misfit(once, T[::5], fit_thrust(once, T[::5]))  # no reading is repeated
+
+
+def test_sound_benches_are_seldom_told():
+    X = np.repeat(np.arange(50.0, 351.0, 25.0), 5)
+    told = 0
+    for seed in range(200):
+        noise = 1.0 + 0.1 * np.random.default_rng(seed).standard_normal(len(X))
+        T = A * X ** B * noise
+        told += bool(thrust.misfit(X, T, fit_thrust(X, T)))
+    assert told <= 2

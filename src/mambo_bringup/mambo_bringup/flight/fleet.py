@@ -77,8 +77,18 @@ class Fleet:
 
     @property
     def delays(self) -> Delays:
-        """Return the delays from IMU sample to motor command of the last drone, the longest."""
-        return self._sims[-1].delays
+        """
+        Return the delays from IMU sample to motor command of the drone with most answers.
+
+        Of several it is the last, whose delays are the longest.
+        """
+        return max(reversed(self._sims), key=lambda sim: sim.delays.count).delays
+
+    @property
+    def starved(self) -> int:
+        """Return when the last motors were stopped for lack of commands, ns; -1: some turn."""
+        times = [sim.starved for sim in self._sims]
+        return max(times) if min(times) >= 0 else -1
 
     def start(self) -> None:
         """Start to wait for motor commands."""

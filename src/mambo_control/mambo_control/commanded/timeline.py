@@ -19,7 +19,7 @@ from typing import NamedTuple
 from mambo_model.errors import InputError
 from mambo_model.motion import flight_command as fc, uav_trajectories
 from mambo_model.motion.flight_command import FlightCommand
-from mambo_model.motion.polynomial import Array, DEGREE, jet, state_at, stretched
+from mambo_model.motion.polynomial import Array, DEGREE, jet, settled, state_at, stretched
 from mambo_model.motion.trajectory import GROUND, LANDED, LANDING, TAKEOFF, TRACK
 from mambo_model.schema import ParameterError
 from mambo_model.vehicle.parameters import Vehicle
@@ -285,8 +285,7 @@ def _follow(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
            for duration, piece in zip(course.duration, pieces, strict=True)]
     # pieces of degree 7 join up to jerk only, so the whole may as well
     near = np.allclose(state[:, :4], first[:, :4], rtol=0.0, atol=_JOINED)
-    if np.abs(last[:, 1:4]).max() < _JOINED:
-        last = at_rest(last[:, 0])
+    first, last = settled(first), settled(last)
 
     def build(longer: float) -> Way:
         """Return the way to the course, the course, and the way to rest."""

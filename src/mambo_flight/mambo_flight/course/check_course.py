@@ -99,6 +99,14 @@ def chosen(options: argparse.Namespace) -> tuple[Course, Vehicle, float]:
     return course, vehicle, factor
 
 
+def left_limits(options: argparse.Namespace, course: Course) -> list[str]:
+    """Return a line about each limit of a file that its course left as the options change it."""
+    over = {name: value for option, name in PLANNER.items()
+            if (value := getattr(options, option)) is not None}
+    return [f'warning: {line}: --stretch and --scale do not keep it'
+            for line in course_file.left(Path(options.course).expanduser(), course, over)]
+
+
 def _refuse_unused_speed(path: Path, over: Mapping[str, Any], course: Course) -> None:
     """Raise InputError if a speed is given for a course in which each leg has its own time."""
     if 'speed' not in over:
@@ -172,6 +180,8 @@ def _run(options: argparse.Namespace) -> None:
         print(table(t, columns, vehicle))
         if odd := feasibility.odd(course):
             print(f'warning: the course {odd}')
+        for line in left_limits(options, course):
+            print(line)
     if options.output:
         from .plot_course import draw
         draw(options.output, course, t, columns, feasibility.limits(vehicle), options.course)

@@ -73,6 +73,14 @@ def read(path: Path, over: Mapping[str, Any] | None = None) -> Course:
     return waypoints.read(path, over)
 
 
+def left(path: Path, course: Course, over: Mapping[str, Any] | None = None) -> list[str]:
+    """Return which limits of its file a course leaves; see ``waypoints.left``."""
+    if path.suffix.lower() not in SUFFIXES or is_polynomial(path):
+        return []
+    from . import waypoints
+    return waypoints.left(path, course, over)
+
+
 def is_polynomial(path: Path) -> bool:
     """Return whether a file holds polynomials, not waypoints."""
     if path.suffix.lower() != '.csv':

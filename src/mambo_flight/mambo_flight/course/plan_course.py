@@ -15,7 +15,7 @@ from mambo_model.motion.uav_trajectories import to_text
 from mambo_model.whole_file import refuse_existing, write_text
 
 from . import feasibility
-from .check_course import add_course, chosen
+from .check_course import add_course, chosen, left_limits
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -26,6 +26,8 @@ def _run(options: argparse.Namespace) -> None:
         f', stretched {factor:.4f} times' if factor != 1.0 else ''))
     if odd := feasibility.odd(course):
         print(f'warning: the course {odd}')
+    for line in left_limits(options, course):
+        print(line)
     if failure := feasibility.check(course, vehicle):
         print(f'warning: {options.vehicle} cannot fly it: {failure}; '
               f'{feasibility.remedy(course, vehicle)}')

@@ -36,6 +36,8 @@ from .minimum_snap import Waypoints
 COLUMNS = ('t', 'speed', 'x', 'y', 'z', 'height', 'yaw', 'yaw_deg', 'vx', 'vy', 'vz', 'tube')
 FASTEST = 30.0   # m/s, largest speed of a course
 HIGHEST = 100.0  # m, of a waypoint
+_ROUNDING = 1e-3  # [-] by which a limit may be passed
+_POINTS = 201  # of a piece whose derivatives are compared with the limits
 _MOST_YAW = 4.0 * math.pi
 
 
@@ -99,12 +101,52 @@ def read(path: Path, over: Mapping[str, Any] | None = None) -> Course:
         If no course satisfies the corridors and limits.
 
     """
+    return plan(str(path), *_content(path, over))
+
+
+def _content(path: Path, over: Mapping[str, Any] | None) -> tuple[list[Row], Settings]:
+    """Return the waypoints of a file and the settings of the planner."""
     if path.suffix.lower() == '.csv':
-        return plan(str(path), from_csv(read_text(path), str(path)),
-                    schema.build(Settings, over or {}))
+        return from_csv(read_text(path), str(path)), schema.build(Settings, over or {})
     points, settings = _Reader(path).content()
-    return plan(str(path), points, schema.build(
-        Settings, {**schema.flatten(settings), **(over or {})}))
+    return points, schema.build(Settings, {**schema.flatten(settings), **(over or {})})
+
+
+def left(path: Path, course: Course, over: Mapping[str, Any] | None = None) -> list[str]:
+    """
+    Return which limits of a file of waypoints a course leaves that was made of it, in words.
+
+    A course that is planned keeps them; one that is stretched or resized afterwards may not.
+
+    Parameters
+    ----------
+    path, over
+        As of :func:`read`.
+    course
+        As it is flown.
+
+    """
+    limits, units, out = _content(path, over)[1].limits, dict(schema.walk(LimitParams)), []
+    for name in schema.flatten(limits):
+        limit, order = getattr(limits, name), (*DERIVATIVES, 'yaw_rate').index(name) + 1
+        most = _most(course, 1, slice(3, 4)) if name == 'yaw_rate' else _most(
+            course, order, slice(3))
+        if 0.0 < limit * (1.0 + _ROUNDING) < most:
+            unit = units[name].metadata['unit']
+            out.append(f'{name} is {most:.3g} {unit} at most, above limits.{name} = {limit:g} '
+                       f'{unit} of {path}')
+    return out
+
+
+def _most(course: Course, order: int, axes: slice) -> float:
+    """Return the largest length of a derivative of some axes, at many points of each piece."""
+    most = 0.0
+    for duration, piece in zip(course.duration, course.coefficients, strict=True):
+        derivative = np.polynomial.polynomial.polyder(piece[axes], order, axis=1)
+        values = np.polynomial.polynomial.polyval(
+            np.linspace(0.0, duration, _POINTS), derivative.T)
+        most = max(most, float(np.linalg.norm(values, axis=0).max()))
+    return most
 
 
 def plan(where: str, points: list[Row], settings: Settings) -> Course:

@@ -116,3 +116,18 @@ def test_a_function_is_as_long_as_its_file_says_or_the_option(capsys, tmp_path):
     assert '"duration": 3.0' in capsys.readouterr().out
     assert check_course.main([str(path), '--tube', '1']) == 2
     assert 'leave out the options for waypoints, tube' in lines(capsys)[1][0]
+
+
+@pytest.mark.parametrize('words, said', [
+    ((), []), (('--stretch', '2'), []),
+    (('--stretch', '0.5'), ['speed is 1 m/s at most, above limits.speed = 0.6 m/s of ']),
+    (('--scale', '2'), ['speed is 1 m/s at most, above limits.speed = 0.6 m/s of ']),
+    (('--scale', '2', '--max-speed', '2'), [])])
+def test_limits_that_a_stretched_course_leaves_are_told(tmp_path, capsys, words, said):
+    file = tmp_path / 'slow.yaml'
+    file.write_text('limits: {speed: 0.6}\nwaypoints:\n- {t: 0, x: 0, y: 0, height: 1}\n'
+                    '- {t: 4, x: 1, y: 0, height: 1}\n')
+    assert check_course.main([str(file), *words]) == 0
+    told = [line for line in lines(capsys)[0] if line.startswith('warning: ')]
+    assert len(told) == len(said) and all(
+        line.endswith(f'{file}: --stretch and --scale do not keep it') for line in told)

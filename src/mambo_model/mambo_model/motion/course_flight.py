@@ -15,9 +15,10 @@ import numpy as np
 
 from ..schema import ParameterError
 from .polynomial import (
-    Array, connect, Course, DEGREE, evaluate, largest, Pieces, state_at)
+    Array, connect, Course, DEGREE, evaluate, largest, Pieces, settled, state_at)
 
 MAX_DOWNWARD = 9.0  # m/s^2, below free fall
+SWING = 0.25  # m beyond the way to rest
 
 
 class Timing(NamedTuple):
@@ -46,7 +47,9 @@ class _Timeline:
         self.coefficients: list[Array] = []
 
     def add(self, begin: float, coefficients: Array) -> None:
-        """Add the piece that begins at a time."""
+        """Add the piece that begins at a time, in place of one that would last no time."""
+        if self.begin and self.begin[-1] == begin:
+            del self.begin[-1], self.coefficients[-1]
         padded = np.zeros((4, DEGREE + 1))
         padded[:, :coefficients.shape[1]] = coefficients
         self.begin.append(begin)
@@ -91,7 +94,7 @@ def assemble(course: Course, timing: Timing) -> Pieces:
         the beginning of the course, at ``start_time`` a blend to its first state, then the
         course. ``step``: the reference jumps to that height and, at ``start_time``, onto the
         course. ``none``: the course from t = 0. At the end of the course, or at ``landing_time``
-        if that is earlier, the vehicle comes to rest in ``blend_duration``. The descent begins
+        if that is earlier, the vehicle comes to rest within ``blend_duration``. The descent begins
         ``blend_duration`` after ``landing_time``.
 
     Raises
@@ -101,7 +104,7 @@ def assemble(course: Course, timing: Timing) -> Pieces:
         message gives the time.
 
     """
-    line, first = _Timeline(), state_at(course, 0.0)
+    line, first = _Timeline(), settled(state_at(course, 0.0))
     above = np.array([0.0, 0.0, first[2, 0], 0.0])
     if timing.takeoff != 'none':
         line.rest(0.0, np.zeros(4))
@@ -115,8 +118,7 @@ def assemble(course: Course, timing: Timing) -> Pieces:
     for begin, piece in zip(course.begin, course.coefficients, strict=True):
         line.add(timing.course_begin + begin, piece)
     end = timing.course_begin + course.total
-    point = _leave(line, end, state_at(course, math.inf), timing.blend_duration)
-    line.rest(end + timing.blend_duration, point)
+    _leave(line, end, settled(state_at(course, math.inf)), timing.blend_duration)
     if timing.landing_time < math.inf:
         _land(line, timing)
     pieces = line.pieces()
@@ -125,10 +127,26 @@ def assemble(course: Course, timing: Timing) -> Pieces:
 
 
 def _leave(line: _Timeline, begin: float, state: Array, duration: float) -> Array:
-    """Add the polynomial from a state to rest; return the point of rest, (4,)."""
-    end = _stop(state, duration)
-    line.move(begin, duration, state, _at_rest(end))
+    """
+    Add the polynomial from a state to rest, and rest; return the point of rest, (4,).
+
+    It takes the duration, or half or a quarter of it where a longer one swings far out.
+    """
+    for part in (1.0, 0.5, 0.25):
+        end = _stop(state, part * duration)
+        path = connect(state, _at_rest(end), part * duration)
+        if _swing(path, part * duration, state[:, 0], end) < SWING:
+            break
+    line.move(begin, part * duration, state, _at_rest(end))
+    line.rest(begin + part * duration, end)
     return end
+
+
+def _swing(path: Array, duration: float, start: Array, end: Array) -> float:
+    """Return by how many m a path, (4, 10), goes beyond the box of its ends, (4,)."""
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    return max(max(largest(axis, duration, 0)[0] - high[k],
+                   low[k] + largest(-axis, duration, 0)[0]) for k, axis in enumerate(path[:3]))
 
 
 def _land(line: _Timeline, timing: Timing) -> None:

@@ -20,6 +20,8 @@ Jet = tuple[float, float, float, float, float]  # a function of time and four de
 
 AXES = ('x', 'y', 'z', 'yaw')  # of coefficients, in their order
 DEGREE = 9  # of the pieces of a flight: value and four derivatives at both ends
+STILL = np.array([1e-3, 1e-2, 1e-1])
+"""Derivatives of m and rad, first to third, that a course in a file of few digits rests with."""
 _FACTORIALS = np.array([math.factorial(order) for order in range(5)], dtype=float)
 
 
@@ -92,6 +94,20 @@ def state_at(course: Course, t: float) -> Array:
     i = max(int(np.searchsorted(course.begin, t, side='right')) - 1, 0)
     x = min(t - course.begin[i], course.duration[i])
     return np.array([jet(axis, x) for axis in course.coefficients[i]])
+
+
+def settled(state: Array) -> Array:
+    """
+    Return a state, (4, 5); rest if it is rest but for its fourth derivative, and for ``STILL``.
+
+    So a course of least snap begins and ends. Its pieces join up to the third derivative only, as
+    it joins rest; to carry the fourth on over seconds would lead metres away.
+    """
+    if (np.abs(state[:, 1:4]) > STILL).any():
+        return state
+    out = np.zeros_like(state)
+    out[:, 0] = state[:, 0]
+    return out
 
 
 def ends(course: Course) -> tuple[Array, Array]:

@@ -155,3 +155,39 @@ def test_built_in_trajectories_have_no_pieces():
 def test_flights_that_cannot_be_flown_are_refused_with_the_reason(values, message):
     with pytest.raises(ParameterError, match=message):
         tr.FlightPlanParams(**{'trajectory': 'course', 'course': TEXT, **values})
+
+
+def resting(duration):
+    """Return the text of a course of least snap 1 m along x, from rest to rest 1 m high."""
+    piece = np.zeros((1, 4, 8))
+    piece[0, 0, 4:] = np.array([35.0, -84.0, 70.0, -20.0]) / duration ** np.arange(4, 8)
+    piece[0, 2, 0] = -1.0
+    return uav.to_text(poly.Course(np.array([duration]), piece))
+
+
+@pytest.mark.parametrize('duration', [4.0, 2.0, 1.2, 0.5])
+@pytest.mark.parametrize('landing', [0.0, 20.0])
+def test_a_course_from_rest_to_rest_is_not_left_before_and_after_it(duration, landing):
+    values = tr.FlightPlanParams(
+        trajectory='course', course=resting(duration), landing_time=landing).values()
+    x = [tr.flat_output(t, values)[0][0] for t in np.arange(0.0, 30.0, 0.01).tolist()]
+    assert min(x) > -1e-9 and max(x) < 1.0 + 1e-9 and x[-1] == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize('landing', np.arange(8.05, 9.2, 0.1).tolist())
+def test_a_landing_on_the_way_does_not_swing_far_out(landing):
+    """The course of 1 m takes 1.2 s; to rest in the whole blend it went to -1.8 and 4.5 m."""
+    values = tr.FlightPlanParams(
+        trajectory='course', course=resting(1.2), landing_time=landing).values()
+    path = np.array([tr.flat_output(t, values)[0] for t in np.arange(8.0, 20.0, 0.01).tolist()])
+    stop = path[-1, 0]
+    assert path[:, 0].min() > min(0.0, stop) - 0.4 and path[:, 0].max() < max(1.0, stop) + 0.4
+    assert -0.4 < stop < 3.5 and path[-1, 2] == 0.0
+
+
+def test_few_digits_of_a_file_are_rest_too():
+    state = np.zeros((4, 5))
+    state[:3, 1:] = (5e-4, 5e-3, 5e-2, 50.0)
+    assert not poly.settled(state)[:, 1:].any()
+    state[1, 1] = 0.01
+    assert poly.settled(state) is state
