@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mambo_bags.cli.option_types import real, whole
 from mambo_bags.command import Parser, refuse_unused
@@ -180,15 +180,19 @@ def _draw(pwm: Floats, thrust: Floats, found: Thrust) -> Callable[[Figure], None
     return draw
 
 
-def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> result.Report:
-    found = fit_thrust(pwm, thrust, options.max_pwm)
-    source = f'identify_thrust, {options.file.name}'
-    changed = {
+def _changed(found: Thrust, source: str) -> dict[str, tuple[Any, str]]:
+    """Return the parameters of the vehicle with their sources."""
+    return {
         'thrust_map': (found.better, f'{source}: is 1 in the interval of b?'),
         'linear_gain': (found.gain.value, f'{source}, 95 %: {found.gain.low:.6g} to '
                                           f'{found.gain.high:.6g}'),
         'power_a': (found.a.value, f'{source}, 95 %: {found.a.low:.4g} to {found.a.high:.4g}'),
         'power_b': (found.b.value, f'{source}, 95 %: {found.b.low:.4g} to {found.b.high:.4g}')}
+
+
+def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> result.Report:
+    found = fit_thrust(pwm, thrust, options.max_pwm)
+    changed = _changed(found, f'identify_thrust, {options.file.name}')
     middle = float(np.exp(np.mean(np.log(pwm[found.used]))))
     share = found.a.value * middle ** found.b.value / (THESIS[0] * middle ** THESIS[1])
     facts = {
@@ -227,8 +231,7 @@ def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> result.
         notes.append(f'the thrust grows with the command to the power {found.b.value:.3g}; of '
                      f'rotors {USUAL[0]:g} to {USUAL[1]:g} are usual: check the zero of the scale '
                      'and of the command')
-    if line := misfit(pwm[found.used], thrust[found.used], found):
-        notes.append(line)
+    notes += filter(None, [misfit(pwm[found.used], thrust[found.used], found)])
     report = result.Report(
         f'motor map of {options.file.name}',
         {'linear gain': found.gain, 'a': found.a, 'b': found.b}, facts, notes, changed,

@@ -170,8 +170,12 @@ def resting(duration):
 def test_a_course_from_rest_to_rest_is_not_left_before_and_after_it(duration, landing):
     values = tr.FlightPlanParams(
         trajectory='course', course=resting(duration), landing_time=landing).values()
-    x = [tr.flat_output(t, values)[0][0] for t in np.arange(0.0, 30.0, 0.01).tolist()]
-    assert min(x) > -1e-9 and max(x) < 1.0 + 1e-9 and x[-1] == pytest.approx(1.0, abs=1e-9)
+    for t in np.arange(0.0, 30.0, 0.01).tolist():
+        x = tr.flat_output(t, values)[0][0]
+        if t <= BEGIN or t >= BEGIN + duration:
+            assert x == pytest.approx(float(t > BEGIN), abs=1e-9), t
+        else:
+            assert -1e-9 < x < 1.0 + 1e-9, t
 
 
 @pytest.mark.parametrize('landing', np.arange(8.05, 9.2, 0.1).tolist())
