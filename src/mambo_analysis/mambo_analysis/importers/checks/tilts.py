@@ -32,7 +32,7 @@ DOES_NOT = 0.6  # correlation below which they do not
 CLEARLY = 0.03  # gain of a correlation, of a delay that is told
 MIRRORED = 0.1  # gain by the mirror image; up to -0.16 in real flights
 TURNED = 35.0   # deg; 22 in real flights on a circle, by drag
-RATIO = (0.65, 1.35)  # of accelerations and tilts
+RATIO = (0.65, 1.2)  # accelerations over tilts: the least of all, the largest explained by tilts
 
 
 def _signals(one: Motion) -> tuple[Floats, Floats] | None:
@@ -111,7 +111,7 @@ def describe(one: Motion) -> str:
     if now >= FOLLOWS and abs(turned) > TURNED:
         return (f'{said} are turned by {turned:.0f} deg about the vertical from its tilts: check '
                 'its axes, or, if it flies in circles, its times')
-    if not RATIO[0] <= ratio <= RATIO[1]:
+    if ratio < RATIO[0] or now * ratio > RATIO[1]:  # noise of the positions is no scale
         return (f'{said} are {ratio:.2g} times those of its tilts: check the unit of the '
                 'positions, or their scale')
     return ''
