@@ -335,7 +335,7 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None,
     clock = Clock(offset, math.nan, 'given') if offset is not None else find_clock(bag, tracked)
     shift = round(clock.offset * 1e9)
     doubt = '' if offset is None else _check_given(offset, bag, tracked)
-    doubt += ''.join(f'warning: {mocap}: {line}\n' for line in bag_doubts.tracked(tracked))
+    doubt += ''.join(f'warning: {mocap}: {line}\n' for line in bag_doubts.capture(tracked))
     note = doubt + next(filter(None, [
         _check_path(mocap, motion.read(bag, topic), tracked, shift)
         for topic in OWN if topic in bag]), '')

@@ -142,7 +142,8 @@ def parser(bags: str = 'bag of a simulated flight') -> Parser:
     add_seeds(out, 20)
     add('--vary', action='store_true',
         help='draw slope (-0.1 to 0.15 1/m), scale (8 %%) and latency (0 to 0.1 s) of the flow')
-    add('--slope', type=SLOPE, metavar='X', help='true slope of the scale in 1/m')
+    add('--slope', type=SLOPE, metavar='X',
+        help='true slope of the scale in 1/m; with --vary in place of a drawn one')
     add('--beside', choices=ESTIMATORS, metavar='ESTIMATOR',
         help=f'also another one on the same samples: {", ".join(ESTIMATORS)}; the last two are '
              'the filter of the Crazyflie, whose Python bindings the environment variable '

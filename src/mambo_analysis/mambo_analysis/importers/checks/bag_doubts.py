@@ -78,7 +78,7 @@ def _doubts(bag: Bag) -> list[str]:
     elif TRACKED in motions:
         out += slips.describe(TRACKED, motions[TRACKED].t, motions[TRACKED].position)
     for name, one in motions.items():
-        out += tracked(one) if name == TRACKED else _still(one)
+        out += capture(one) if name == TRACKED else _still(one)
     out += _stopped(bag, motions)
     out += [f'sonar/range: {line}: check both before you use them'
             for line in height_check.of_bag(bag)]
@@ -226,7 +226,7 @@ def _gravity(q: Floats, force: Floats, name: str) -> list[str]:
             'and the order of the quaternion']
 
 
-def tracked(one: Motion) -> list[str]:
+def capture(one: Motion) -> list[str]:
     """Return lines about tracked positions that contradict the attitudes tracked with them."""
     line = tilts.describe(one)
     return _still(one) + [f'{one.name}: {line}'] * bool(line)
