@@ -32,8 +32,8 @@ def test_the_four_of_ones_own_are_the_closed_loop_to_the_bit(tmp_path):
         assert graph[name].raw and graph[name].raw == alone[name].raw, name
     for source in ('alpha_beta_filter 1.0', 'pd_controller 1.0', '# figure_eight.csv'):
         assert f'{source}, sha256 ' in str(graph.attachments['scenario.yaml'])
-    height = graph['ground_truth/odom'].position[:, 2]
-    assert 1.0 < height[-1] < 1.4  # the course begins at 1.2 m
+    height, wanted = (graph[name].position[:, 2] for name in ('ground_truth/odom', 'reference'))
+    assert height[-1] == pytest.approx(wanted[-1], abs=0.15) and 1.3 < wanted[-1] < 1.4
 
 
 def test_a_sweep_varies_the_four_of_ones_own():
