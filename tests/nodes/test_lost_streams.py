@@ -369,7 +369,8 @@ class TestPace:
         def step(sensed, deadline, answer, stalled=0.0):
             sim = SimpleNamespace(
                 sensed=sensed, answered=False, missed=0, params=SimpleNamespace(speed=1.0),
-                now=sensed, watch=lambda now: None)
+                now=sensed, watch=lambda now: None, starved=-1,
+                delays=SimpleNamespace(count=1))
 
             def once(timeout):
                 nonlocal stalled
