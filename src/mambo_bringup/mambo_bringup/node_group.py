@@ -94,8 +94,7 @@ class NodeGroup:
         recorders = [child for child in self.children if child.name == self._recorder]
         others = [child for child in self.children if child not in (*last, *recorders)]
         self.spectators_lost = [
-            child.trouble()
-            for child in self._spectators if child.exit_code is not None]
+            child.trouble() for child in self._spectators if child.exit_code is not None]
         for child in (*self.children, *self._spectators):
             child.resume()
         # nodes that own time get their answers until they have ended

@@ -91,7 +91,7 @@ class Player:
             last = now
 
 
-def _run(options: argparse.Namespace) -> None:
+def _run(command: Parser, options: argparse.Namespace) -> None:
     if not options.bags:
         if options.namespace is not None:
             raise InputError('--namespace is for a BAG; a running flight has --drones')
@@ -102,7 +102,7 @@ def _run(options: argparse.Namespace) -> None:
                         f'commands:={str(not options.no_commands).lower()}', '-p',
                         f'trajectories:={json.dumps(options.trajectories)}'])
         return
-    refuse_unused(parser(), options, ('drones', 'no_commands', 'trajectories'),
+    refuse_unused(command, options, ('drones', 'no_commands', 'trajectories'),
                   'it is for a running flight and a BAG is given')
     player = Player(options.bags, options.port, options.namespace)
     print(f'{player.page.address} (Ctrl-C ends it)', flush=True)
@@ -132,5 +132,6 @@ def parser() -> Parser:
 
 def main(arguments: list[str] | None = None) -> int:
     """Entry point ``mambo view``; return the exit code."""
-    options = parser().parse_args(arguments)
-    return guard('view', lambda: _run(options))
+    command = parser()
+    options = command.parse_args(arguments)
+    return guard('view', lambda: _run(command, options))

@@ -144,11 +144,12 @@ def misfit(X: Floats, T: Floats, found: Thrust) -> str:
     if m < 4 or n - m < m:
         return ''
     scatter = float(np.sqrt(np.sum((rest - means[level]) ** 2) / (n - m)))
-    missed = float(np.sqrt(counts @ means ** 2 / (m - 2)))
-    if missed < MISSED * np.sqrt(n / m) or scatter > 0.0 and stats.f.sf(
-            (missed / scatter) ** 2, m - 2, n - m) > SURE:
+    variance = float(counts @ means ** 2 / (m - 2))  # of a reading, if the power law fits
+    missed = float(np.sqrt(variance * m / n))
+    if missed < MISSED or scatter > 0.0 and stats.f.sf(
+            variance / scatter ** 2, m - 2, n - m) > SURE:
         return ''
-    return (f'a X^b misses the mean thrusts by {100.0 * missed / np.sqrt(n / m):.2g} % RMS, where '
+    return (f'a X^b misses the mean thrusts by {100.0 * missed:.2g} % RMS, where '
             f'readings at one command scatter by {100.0 * scatter:.2g} %: the intervals do not '
             'hold; check the zero of the scale, the time between command and reading, and where '
             'thrust fades (--max-pwm)')

@@ -76,9 +76,7 @@ def chosen(options: argparse.Namespace) -> tuple[Course, Vehicle, float]:
         If the course cannot be read, planned or stretched.
 
     """
-    over: dict[str, Any] = {
-        name: value for option, name in PLANNER.items()
-        if (value := getattr(options, option)) is not None}
+    over = _planner(options)
     is_table = Path(options.course).suffix.lower() in course_file.SUFFIXES
     if not is_table and course_file.is_course(options.course):
         course = _of_function(options, over)
@@ -99,12 +97,19 @@ def chosen(options: argparse.Namespace) -> tuple[Course, Vehicle, float]:
     return course, vehicle, factor
 
 
+def _planner(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the settings of the planner that the options give, flat by name."""
+    return {name: value for option, name in PLANNER.items()
+            if (value := getattr(options, option)) is not None}
+
+
 def left_limits(options: argparse.Namespace, course: Course) -> list[str]:
     """Return a line about each limit of a file that its course left as the options change it."""
-    over = {name: value for option, name in PLANNER.items()
-            if (value := getattr(options, option)) is not None}
+    if options.stretch is None and options.scale is None:
+        return []
+    path = Path(options.course).expanduser()
     return [f'warning: {line}: --stretch and --scale do not keep it'
-            for line in course_file.left(Path(options.course).expanduser(), course, over)]
+            for line in course_file.left(path, course, _planner(options))]
 
 
 def _refuse_unused_speed(path: Path, over: Mapping[str, Any], course: Course) -> None:

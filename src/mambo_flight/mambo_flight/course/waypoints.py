@@ -126,13 +126,12 @@ def left(path: Path, course: Course, over: Mapping[str, Any] | None = None) -> l
         As it is flown.
 
     """
-    limits, units, out = _content(path, over)[1].limits, dict(schema.walk(LimitParams)), []
-    for name in schema.flatten(limits):
-        limit, order = getattr(limits, name), (*DERIVATIVES, 'yaw_rate').index(name) + 1
-        most = _most(course, 1, slice(3, 4)) if name == 'yaw_rate' else _most(
-            course, order, slice(3))
-        if 0.0 < limit * (1.0 + _ROUNDING) < most:
-            unit = units[name].metadata['unit']
+    limits, out = _content(path, over)[1].limits, []
+    for name, field in schema.walk(LimitParams):
+        limit, unit = getattr(limits, name), field.metadata['unit']
+        order, axes = (1, slice(3, 4)) if name == 'yaw_rate' else (
+            DERIVATIVES.index(name) + 1, slice(3))
+        if limit and (most := _most(course, order, axes)) > limit * (1.0 + _ROUNDING):
             out.append(f'{name} is {most:.3g} {unit} at most, above limits.{name} = {limit:g} '
                        f'{unit} of {path}')
     return out
