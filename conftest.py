@@ -38,6 +38,17 @@ settings.register_profile('mambo', derandomize=True, database=None, deadline=Non
 settings.load_profile('mambo')
 
 
+SLOW = frozenset((Path(__file__).parent / 'tests' / 'slow.txt').read_text().splitlines())
+
+
+@pytest.hookimpl(tryfirst=True)  # before slow ones are left out
+def pytest_collection_modifyitems(items):
+    """Mark what tools/slow_tests.py found slow."""
+    for item in items:
+        if item.nodeid.partition('[')[0] in SLOW:
+            item.add_marker(pytest.mark.slow)
+
+
 @pytest.fixture
 def small_disk():
     """Return a function: from now on no file grows beyond so many bytes, as on a full disk."""

@@ -17,6 +17,8 @@ from .parameters import STEP_NS
 _ASK_AGAIN = 5.0  # s of wall time between log lines that name the missing motor command
 MOST_STEPS = 1_000_000  # of one request, while paused
 SILENT = 200  # steps without any motor command, after which none is waited for
+LOOKED = 1e-3  # s of wall time for which a motor command is awaited at a time
+STILL = 1e-3  # s by which such a wait ends late where every process of the machine stood still
 LATE = 0.05  # [-] of the wall time that a flight in real time takes longer than asked for
 
 
@@ -151,15 +153,25 @@ def wait_for_deadline(sim: Any, loop: Any, deadline: float) -> None:
     A step that began late, because the machine was busy, still gets its full period for the motor
     command; after the command has arrived the delay is made up for. So it is at once where no
     controller has ever answered, ``SILENT`` steps long, or none is awaited any more.
+
+    A host that takes its processors away for milliseconds stops the controller, too. Such a time,
+    in which this process was not woken, does not count; at most a period of it.
     """
-    overdue = deadline
+    overdue = latest = deadline
     if sim.starved < 0 and (sim.delays.count or sim.missed < SILENT):
-        overdue = max(deadline, sim.sensed + STEP_NS * 1e-9 / sim.params.speed)
+        period = STEP_NS * 1e-9 / sim.params.speed
+        overdue = max(deadline, sim.sensed + period)
+        latest = overdue + period
     while not loop.stopping:
-        left = (deadline if sim.answered else overdue) - time.monotonic()
+        began = time.monotonic()
+        left = (deadline if sim.answered else overdue) - began
         if left <= 0.0:
             break
-        loop.once(left)
+        asked = left if sim.answered else min(left, LOOKED)
+        loop.once(asked)
+        still = time.monotonic() - began - asked
+        if still > STILL:
+            overdue = min(overdue + still, latest)
     if not sim.answered:
         loop.once(0.0)
     if not sim.answered:

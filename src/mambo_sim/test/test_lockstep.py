@@ -177,6 +177,30 @@ def test_a_step_that_began_late_leaves_its_period_for_the_answer(clock):
     assert clock.now - 100.0 == pytest.approx(0.105, abs=1e-6)  # and the delay is made up for
 
 
+@pytest.mark.parametrize(('still', 'missed'), [(0.0, 0), (0.004, 0), (0.008, 0), (0.011, 1)])
+def test_a_time_in_which_the_machine_stood_still_does_not_count(clock, still, missed):
+    """The controller takes 2 ms; in one step all processes stop for a while after 1 ms."""
+    sim = Sim(mode='realtime', duration=0.1)
+    loop = Loop(sim, clock, lambda t: 0.002 + still * (t == 50_000_000))
+    once = loop.once
+
+    def stopped(timeout):
+        first = clock.now == sim.sensed
+        once(timeout)
+        clock.now += still * (first and sim.t == 50_000_000)
+
+    loop.once = stopped
+    assert lockstep.run(sim, loop) == 0
+    assert sim.missed == missed
+    assert clock.now - 100.0 == pytest.approx(0.105, abs=1e-6)  # and the delay is made up for
+
+
+def test_a_controller_that_is_too_slow_gets_no_more_time(clock):
+    sim = Sim(mode='realtime', duration=0.1)
+    assert lockstep.run(sim, Loop(sim, clock, lambda t: 0.0051)) == 0
+    assert sim.missed == 21 and clock.now - 100.0 == pytest.approx(0.105, abs=1e-6)
+
+
 @pytest.mark.parametrize(('mode', 'speed', 'busy', 'said'), [
     ('realtime', 2.0, 0.01, 'fell 0.39 s behind the wall clock: the controller or the machine '
      'is too slow for speed 2'), ('realtime', 1.0, 0.002, ''), ('lockstep', 1.0, 0.01, '')])

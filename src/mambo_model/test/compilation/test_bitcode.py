@@ -52,6 +52,14 @@ SAID = ['1.5', 'above two 2.5', '3.5', "('above three', 3.5)", '-1.5'] * 2 + [
     '-0.5', '-2.5', '-3.5', 'above two 2.5', '2.5'] * 2
 
 
+@pytest.fixture(autouse=True, scope='module')
+def nothing_from_the_cache():
+    """Have everything below compiled here: what an earlier run left shows nothing."""
+    for function in (twice, thrice, all_of_them, halved, quartered, parts, all_parts):
+        for dispatcher in (function, function.for_python):
+            dispatcher._cache.flush()
+
+
 def engine_has(dispatcher):
     """Return whether machine code of a function's only signature is in numba's engine."""
     (result,) = dispatcher.overloads.values()
