@@ -130,8 +130,9 @@ def mutated(source: str, mutant: Mutant, name: str) -> str:
 
 
 def refuse_dead(target: Target, source: str, dead: list[called.Definition]) -> None:
-    """Raise MutantError if a mutant stands in a function that no program of the product calls."""
+    """Raise MutantError for a mutant without one place, or in a function that nothing calls."""
     for mutant in target.mutants:
+        mutated(source, mutant, target.name)
         line = source[:source.index(mutant.old)].count('\n') + 1
         for definition in dead:
             if definition.file == target.source and definition.first <= line <= definition.last:

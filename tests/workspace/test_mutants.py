@@ -89,6 +89,12 @@ def test_a_program_of_the_product_calls_what_a_mutant_breaks(target, dead):
     mutants.refuse_dead(target, target.source.read_text(), dead)
 
 
+def test_a_list_that_no_longer_fits_is_refused_before_anything_runs(dead):
+    target, = mutants.choose(TARGETS, ['frames'])
+    with pytest.raises(mutants.MutantError, match='is there 0 times, not once'):
+        mutants.refuse_dead(target, '', dead)
+
+
 def test_a_mutant_of_a_function_that_nothing_calls_is_refused(dead):
     target, = mutants.choose(TARGETS, ['frames'])
     source = target.source.read_text()

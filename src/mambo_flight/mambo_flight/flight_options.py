@@ -68,8 +68,8 @@ def add(out: Parser, trajectory: str = '', controller: str = 'cascaded') -> None
     add('--no-landing', dest='landing', action='store_false', default=None,
         help='stay on the trajectory to the end')
     add('--stretch', metavar='FACTOR',
-        help='fly the trajectory in FACTOR times its time; auto: a course in the shortest time '
-        'in which the vehicle, as the controller knows it, can fly it')
+        help='fly the trajectory in FACTOR times its time; auto: slow down a course that the '
+        'vehicle, as the controller knows it, cannot fly, by the smallest factor')
     add('--set', action='append', default=[], metavar='NODE.PARAMETER=VALUE',
         help='set any parameter of any node; repeatable')
     add('--drones', type=DRONES, metavar='N',

@@ -163,3 +163,25 @@ def test_a_course_to_follow_is_a_file_or_its_text(tmp_path, monkeypatch):
     assert commanded.send('follow', trajectory=text) == text
     with pytest.raises(InputError, match='nope'):
         commanded.send('follow', trajectory='nope')
+
+
+LOW = {
+    'a low take-off': '- {time: 1.0, takeoff: {height: %(low)g}}',
+    'a stop of a take-off': '- {time: 1.0, takeoff: {height: 1.0}}\n- {time: 1.35, stop: {}}',
+    'a low goal': '- {time: 1.0, takeoff: {height: 1.0}}\n'
+                  '- {time: 5.0, go_to: {goal: [0.5, 0.0, %(low)g]}}'}
+
+
+@pytest.mark.parametrize('estimator', ['joint', 'kalman'])
+@pytest.mark.parametrize('commands', LOW.values(), ids=LOW)
+def test_a_hover_at_the_lowest_flight_stays_there(commands, estimator):
+    """Lower, where the sonar is blind, every third or more sinks to the floor."""
+    for seed in range(1, 6):
+        plain = scenario(duration=40.0, land=False, seed=seed, estimator=estimator)
+        low = plain.reference_node.commands.lowest
+        r = closed_loop.fly(override(plain, {
+            'reference_node.commands.enabled': True,
+            'reference_node.commands.script': commands % {'low': low}}))
+        hover = r.t > 10 * 10**9
+        assert -r.reference[-1, 2] == pytest.approx(low)
+        assert np.abs(r.truth[hover, 2] - r.reference[hover, 2]).max() < 0.05

@@ -160,9 +160,13 @@ class Entry:
             if taken is None:
                 break
             data, length, publisher = taken
+            # before the callback, which may take the next messages (PublisherGuard.pull)
+            number, known = take.number, publisher == callback.first
+            if known and self._reliable:
+                callback.follow(number)
             callback(data, publisher)
-            if publisher == callback.first and self._reliable:
-                callback.follow(take.number)
+            if not known and publisher == callback.first and self._reliable:
+                callback.follow(number)
             size += length
             if size > _BYTES_AT_ONCE:
                 break

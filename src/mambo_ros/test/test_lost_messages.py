@@ -34,3 +34,33 @@ def test_what_a_full_queue_displaced_is_counted(sent, lost):
     loop.close()
     assert len(heard) == sent + 1 - lost and guard.refused[LOST] == lost
     assert told == [(guard, LOST)] * bool(lost)
+
+
+@pytest.mark.usefixtures('ros')
+@pytest.mark.parametrize('alone', [True, False], ids=['one first', 'all at once'])
+def test_messages_that_the_use_of_one_takes_are_not_lost(alone):
+    simulator, reader = MamboNode('sim', NoParams), MamboNode('reader', NoParams)
+    publish = simulator.advertise(topics.CLOCK)
+    heard = []
+
+    def use(*message):
+        """Take what has come meanwhile, as an input does that waits for its clock."""
+        heard.append(message)
+        if len(heard) % 3 == 1:
+            guard.pull()
+
+    reader.subscribe(topics.CLOCK, use, single=True)
+    (guard,) = reader.input_guards
+    loop = Loop(reader)
+    until(lambda: publish.publisher.get_subscription_count(), 'the reader')
+    if alone:
+        publish(messages.clock(0))
+        until(lambda: heard, 'the first message', lambda: loop.once(0.01))
+    for k in range(alone, 10):
+        publish(messages.clock(k))
+    until(lambda: len(heard) == 10, 'the last message', lambda: loop.once(0.01))
+    for k in range(10, 12):
+        publish(messages.clock(k))
+    until(lambda: len(heard) == 12, 'the messages after it', lambda: loop.once(0.01))
+    loop.close()
+    assert not guard.refused

@@ -189,6 +189,14 @@ def askew(found: Turning | None) -> float:
     return float(np.arctan2(across, along))
 
 
+def turned_body(found: Turning | None) -> str:
+    """Return in words that the tracked body is turned about z against the gyro; empty: no."""
+    if abs(angle := askew(found)) <= ASKEW:
+        return ''
+    return (f'the tracked body is turned by {np.degrees(angle):.0f} deg about z against the gyro: '
+            'check how its rigid body was made')
+
+
 def refuse(found: Turning | None) -> None:
     """
     Refuse a gyro that contradicts the tracked attitude.

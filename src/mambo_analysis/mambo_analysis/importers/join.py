@@ -7,7 +7,8 @@ pose with the drone's own. The signal with the smallest standard error gives the
 others that determine one agree with it; signals that cannot determine it are listed. One offset
 must hold for the whole flight: it is found again in windows, and clocks that jump or run at
 different rates are refused (:mod:`mambo_signals.clock_check`, too). All of the flight is copied,
-and ``optitrack/pose`` of the other is added on the flight's clock.
+and ``optitrack/pose`` of the other is added on the flight's clock, that of its stamps, and with
+log times as late as those of the flight. A tracked body that is turned about z is told.
 """
 
 from __future__ import annotations
@@ -68,6 +69,7 @@ class Clock(NamedTuple):
     sigma: float        # s, standard error; NaN if the offset was given
     source: str         # what it comes from
     unused: tuple[str, ...] = ()  # signals that give none, each with the reason
+    doubt: str = ''     # about the axes of the tracked body; empty: none
 
 
 def signals(bag: Bag, poses: Poses) -> dict[str, tuple[Floats, Floats, Floats, Floats]]:
@@ -147,15 +149,32 @@ def find_clock(bag: Bag, poses: Poses) -> Clock:
         raise AlignError(f'{said}; or give --offset SECONDS')
     sigma = math.hypot(offset.sigma, _drift({name: pairs[name] for name in found if name in pairs
                                              and LATE.get(name) == LATE.get(best)}, found))
+    turning = None
     if 'imu/data_raw' in bag:
         gyro = bag['imu/data_raw']
         begin, end = _motors_run(bag)
         there = (gyro.t >= begin) & (gyro.t <= end)
-        gyro_check.refuse(gyro_check.compare(
+        turning = gyro_check.compare(
             gyro.t[there], gyro.angular_velocity[there], poses.t + offset.offset,
-            poses.orientation))
+            poses.orientation)
+        gyro_check.refuse(turning)
     return Clock(offset.offset, sigma, f'{best} of {", ".join(found)}',
-                 tuple(f'{name}: {reason}' for name, reason in reasons.items()))
+                 tuple(f'{name}: {reason}' for name, reason in reasons.items()),
+                 gyro_check.turned_body(turning))
+
+
+def _span(bag: Bag) -> tuple[int, int, int]:
+    """
+    Return the first and the last stamp of a flight, and by how much its log is later, ns.
+
+    The stamps are those that the clock is found with: the times of a log may be on another clock.
+    """
+    named = [bag[topic] for topic in ('imu/data_raw', 'sonar/range', *OWN) if topic in bag]
+    parts = [one for one in named if len(one)] or [
+        bag[topic] for topic in bag.topics if len(bag[topic])]
+    stamps = np.concatenate([one.stamp for one in parts])
+    late = np.concatenate([one.log_time for one in parts]) - stamps
+    return max(int(stamps.min()), 0), int(stamps.max()), int(np.median(late))
 
 
 def _motors_run(bag: Bag) -> tuple[float, float]:
@@ -283,17 +302,17 @@ def _check_path(path: Path, own: motion.Motion, tracked: motion.Motion, shift: i
     return f'warning: {path}: {said}\n' if said else ''
 
 
-def _check_given(offset: float, bag: Bag, tracked: motion.Motion) -> str:
-    """Return a line, or '', on a given offset that is not the one by correlation."""
+def _check_given(offset: float, bag: Bag, tracked: motion.Motion) -> tuple[str, str]:
+    """Return a line, or '', on an offset that is not the one by correlation, and on the axes."""
     try:
         found = find_clock(bag, tracked)
     except AlignError as error:  # which may be why one is given
         reason = re.split(_ADVICE, str(error))[0]
-        return f'warning: nothing confirms the given offset: {reason}\n'
+        return f'nothing confirms the given offset: {reason}', ''
     if abs(offset - found.offset) <= max(CHANGE, CLEAR * found.sigma):
-        return ''
-    return (f'warning: by {found.source} the offset is {found.offset:+.3f} s, not the given '
-            f'{offset:+.3f} s: leave --offset out to take it\n')
+        return '', found.doubt
+    return (f'by {found.source} the offset is {found.offset:+.3f} s, not the given '
+            f'{offset:+.3f} s: leave --offset out to take it'), found.doubt
 
 
 def join(flight: Path, mocap: Path, target: Path, offset: float | None = None,
@@ -334,24 +353,28 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None,
     tracked = motion.read(other, POSE)
     clock = Clock(offset, math.nan, 'given') if offset is not None else find_clock(bag, tracked)
     shift = round(clock.offset * 1e9)
-    doubt = '' if offset is None else _check_given(offset, bag, tracked)
-    doubt += ''.join(f'warning: {mocap}: {line}\n' for line in bag_doubts.capture(tracked))
-    note = doubt + next(filter(None, [
+    said, doubt = ('', clock.doubt) if offset is None else _check_given(offset, bag, tracked)
+    lines = [said, *(line and f'{mocap}: {line}' for line in [
+        doubt, *bag_doubts.capture(tracked)])]
+    note = ''.join(f'warning: {line}\n' for line in lines if line) + next(filter(None, [
         _check_path(mocap, motion.read(bag, topic), tracked, shift)
         for topic in OWN if topic in bag]), '')
     parts = [mcap_reader.scan(file) for file in bag_files(flight)[0]]
     copied = [message for part in parts for message in in_order(part)]
-    end = max(log_time for _, log_time, _, _ in copied)
+    begin, end, late = _span(bag)
     stamps = poses.stamp + shift
-    inside = (stamps >= 0) & (stamps <= end)
-    added = [(bag.name(POSE), stamp, stamp, cdr.restamped(data, stamp))
+    inside = (stamps >= begin) & (stamps <= end)
+    added = [(bag.name(POSE), max(stamp + late, 0), max(stamp + late, 0),
+              cdr.restamped(data, stamp))
              for data, stamp, is_in in zip(poses.raw, stamps.tolist(), inside) if is_in]
     if not added:
-        raise BagError(f'{mocap}: no pose is within the flight with an offset of '
-                       f'{clock.offset:.3f} s')
+        raise BagError(
+            f'{mocap}: no pose is within the flight with an offset of {clock.offset:.3f} s: its '
+            f'stamps then are {stamps.min() * 1e-9:.2f} to {stamps.max() * 1e-9:.2f} s, those of '
+            f'the flight {begin * 1e-9:.2f} to {end * 1e-9:.2f} s')
     attachments, metadata = extras(parts)
     details = {'flight': flight.name, 'motion_capture': mocap.name,
-            'offset_s': f'{clock.offset:.9g}', 'offset_sigma_s': f'{clock.sigma:.9g}',
+            'offset_s': f'{clock.offset:.15g}', 'offset_sigma_s': f'{clock.sigma:.9g}',
             'offset_from': clock.source}
     metadata |= {f'{name}_motion_capture': record for name, record in other.metadata.items()
                  if name != OWN_RECORD}

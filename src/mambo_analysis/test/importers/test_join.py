@@ -25,8 +25,12 @@ BODY_RATES = 'roll rate', 'pitch rate'  # a circle is flown with both
 POSE = '/mambo/optitrack/pose'
 
 
-def copy(path, keep, shift=0, end=np.inf):
-    """Write the topics of the repository's flight up to end, ns, stamps moved by so many ns."""
+def copy(path, keep, shift=0, end=np.inf, late=0):
+    """
+    Write the topics of the repository's flight up to end, ns, stamps moved by so many ns.
+
+    They are logged so many ns late.
+    """
     bag = read_bag(CIRCLE)
     with BagWriter(path) as writer:
         for topic in keep:
@@ -34,7 +38,7 @@ def copy(path, keep, shift=0, end=np.inf):
         for topic in keep:
             for stamp, data in zip((bag[topic].stamp + shift).tolist(), bag[topic].raw):
                 if 0 <= stamp < end:
-                    writer.write(bag.name(topic), cdr.restamped(data, stamp), stamp)
+                    writer.write(bag.name(topic), cdr.restamped(data, stamp), stamp + late)
     return path
 
 
@@ -78,6 +82,41 @@ def test_a_given_offset_is_taken_and_poses_outside_of_the_flight_are_counted(log
     assert re.search(rf'^warning: by .* the offset is \+{BEGAN:g}.* s, not the given -1.000 s',
                      message, re.MULTILINE)
     assert 'warning' not in join.join(log, take, tmp_path / 'right', BEGAN)
+
+
+@pytest.mark.parametrize('shift, late', [
+    (0, 1_700_000_000 * 10**9),             # stamps since the start, logged by a wall clock
+    (1_700_000_000 * 10**9, -1_700_000_000 * 10**9),  # the other way round
+    (40 * 10**9, 25 * 10**6)])              # the flight begins 40 s into its log, 25 ms late
+def test_the_flight_is_where_its_stamps_are_whenever_it_was_logged(take, tmp_path, shift, late):
+    copy(tmp_path / 'log', ('imu/data_raw', 'sonar/range'), shift, late=late)
+    join.join(tmp_path / 'log', take, tmp_path / 'joined')
+    joined = read_bag(tmp_path / 'joined')
+    poses, imu = joined['optitrack/pose'], joined['imu/data_raw']
+    assert float(joined.metadata['join']['offset_s']) == pytest.approx(
+        shift * 1e-9 + BEGAN, abs=2e-3)
+    assert len(poses) == len(read_bag(take)['optitrack/pose'])
+    assert (poses.log_time - poses.stamp == late).all()
+    assert (imu.log_time - imu.stamp == late).all()
+    assert poses.stamp.min() >= imu.stamp[0] and poses.stamp.max() <= imu.stamp[-1]
+
+
+def test_poses_before_the_flight_are_left_out(take, tmp_path):
+    copy(tmp_path / 'log', ('imu/data_raw', 'sonar/range'), 40 * 10**9)
+    end = read_bag(tmp_path / 'log')['imu/data_raw'].t[-1]
+    said = join.join(tmp_path / 'log', take, tmp_path / 'joined', 39.0)
+    assert '120 outside of the flight left out' in said  # 1 s at 120 Hz
+    with pytest.raises(BagError, match=r'its stamps then are 0\.01 to .* s, those of the '
+                                       rf'flight 40\.00 to {end:.2f} s$'):
+        join.join(tmp_path / 'log', take, tmp_path / 'other', 0.0)
+
+
+@pytest.mark.parametrize('offset', [None, BEGAN, BEGAN + 1.0])
+def test_a_doubt_about_the_axes_of_the_body_is_printed(log, take, tmp_path, monkeypatch, offset):
+    monkeypatch.setattr(join, 'find_clock', lambda *_: join.Clock(
+        BEGAN, 0.001, 'roll rate', doubt='the tracked body is turned'))
+    said = join.join(log, take, tmp_path / 'joined', offset)
+    assert said.count(f'warning: {take}: the tracked body is turned\n') == 1
 
 
 def test_a_capture_that_hardly_moves_is_told(log, take, tmp_path, monkeypatch):
@@ -337,6 +376,19 @@ def test_a_gyro_that_gives_no_clock_is_compared_all_the_same(change, said):
     bag['imu/data_raw'] = SimpleNamespace(t=imu.t, angular_velocity=imu.angular_velocity * change)
     with pytest.raises(AlignError, match=said):
         join.find_clock(bag, poses)
+
+
+@pytest.mark.parametrize('degrees', [5.0, 20.0, -35.0])
+def test_a_body_that_is_turned_a_little_is_told(degrees):
+    bag, poses = recorded_apart(3, 7.0)
+    turn = Rotation.from_euler('z', degrees, degrees=True)
+    poses.orientation = (Rotation.from_quat(poses.orientation) * turn).as_quat()
+    clock = join.find_clock(bag, poses)
+    assert clock.offset == pytest.approx(7.0, abs=0.02)
+    found = re.search(r'the tracked body is turned by (.*) deg about z against the gyro', (
+        clock.doubt))
+    assert bool(found) is (abs(degrees) > 12.0)  # 0.21 rad, gyro_check.ASKEW
+    assert not found or float(found[1]) == pytest.approx(degrees, abs=3.0)
 
 
 T_WINDOWS = np.arange(10.0, 70.0, 10.0)  # s, middles of windows

@@ -46,7 +46,9 @@ class CommandParams(Parameters):
     x_limit: float = quantity(5.0, 'm', 0.1, 1000.0, f'of |x| in odom; {_HALL}')
     y_limit: float = quantity(5.0, 'm', 0.1, 1000.0, f'of |y| in odom; {_HALL}')
     ceiling: float = quantity(3.0, 'm', 0.1, 1000.0, f'highest flight; {_HALL}')
-    lowest: float = quantity(0.3, 'm', 0.0, 10.0, 'lowest flight, except to take off and land')
+    lowest: float = quantity(
+        0.5, 'm', 0.0, 10.0,
+        'lowest flight, except to take off and land: the sonar is blind below 0.434 m')
     speed: float = quantity(2.0, 'm/s', 0.05, 20.0, _CALM)
     acceleration: float = quantity(4.0, 'm/s^2', 0.1, 9.0, _CALM)
     yaw_rate: float = quantity(2.0, 'rad/s', 0.05, 10.0, _CALM)

@@ -102,12 +102,17 @@ def step(
     """
     t = command.t * 1e-9
     state, phase = state_of(timeline, t)
+    waits = phase == GROUND and t < timeline.until  # for the estimator, to take off
     try:
-        _check(timeline, command, phase, p.longest, -state[2, 0] < p.lowest)
+        _check(timeline, command, TAKEOFF if waits else phase, p.longest,
+               -state[2, 0] < p.lowest)
+        if waits and command.kind in (fc.LAND, fc.STOP):  # gives the take-off up
+            return _joined(timeline, command, [], state[:, 0], GROUND), ''
         segments, end = _plan(command, state, phase, p, vehicle)
     except (Refused, ParameterError) as error:
         return timeline, str(error)
-    return _joined(timeline, command, segments, end), ''
+    last = LANDED if segments and segments[-1].phase == LANDING else TRACK
+    return _joined(timeline, command, segments, end, last), ''
 
 
 def fold(
@@ -132,13 +137,12 @@ def fold(
 
 
 def _joined(
-    timeline: Timeline, command: FlightCommand, segments: list[Segment], end: Array,
+    timeline: Timeline, command: FlightCommand, segments: list[Segment], end: Array, last: int,
 ) -> Timeline:
-    """Return the timeline with a path in place of all that comes after its command."""
+    """Return the timeline with a path, and rest in a phase, in place of all after its command."""
     t = command.t * 1e-9
     kept = sum(begin < t for begin in timeline.begin)
     begins, coefficients, phases = [], [], []
-    last = LANDED if segments and segments[-1].phase == LANDING else TRACK
     for segment in (*segments, rest(end, last)):
         begins.append(t)
         coefficients.append(_padded(segment.coefficients))
@@ -155,7 +159,8 @@ def _check(
     """
     Raise Refused for a command that does not fit the moment, or is none at all.
 
-    ``low`` is whether the reference is below the lowest flight.
+    ``phase`` is TAKEOFF also while the vehicle waits to take off; ``low`` is whether the
+    reference is below the lowest flight.
     """
     numbers = (c.duration, c.height, c.yaw, c.yaw_rate, c.timescale, *c.position, *c.velocity,
                *c.acceleration, *c.jerk, *c.snap)
@@ -171,10 +176,6 @@ def _check(
         raise Refused(f'duration = {c.duration:g} s is outside [0, {longest:g}] s')
     if 0.0 < c.duration < STEP:
         raise Refused(f'duration = {c.duration:g} s is shorter than a control step, {STEP:g} s')
-    waits = phase == GROUND and c.t * 1e-9 < timeline.until  # for the estimator, to take off
-    if waits and c.kind == fc.STOP:
-        raise Refused('the vehicle has not taken off yet')
-    phase = TAKEOFF if waits else phase
     grounded = phase in (GROUND, LANDED)
     if c.kind == fc.TAKEOFF and not grounded:
         raise Refused(f'the vehicle is {_PHASES[phase]} already')

@@ -61,7 +61,8 @@ def add_course(out: Parser) -> None:
     add('--scale', type=real(0.01, 100.0), metavar='FACTOR',
         help='size of the path about its first point')
     add('--stretch', metavar='FACTOR',
-        help='stretch time by FACTOR; auto: the smallest factor that the vehicle can fly')
+        help='stretch time by FACTOR; auto: slow a course down that the vehicle cannot fly, by '
+        'the smallest factor')
     add('--vehicle', metavar='NAME', default='identified',
         help=f"one of: {', '.join(PRESETS)}, or a file (default: identified)")
 

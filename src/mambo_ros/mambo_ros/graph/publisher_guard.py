@@ -133,13 +133,17 @@ class PublisherGuard:
         ----------
         number
             Of the message among all of its publisher; always the same where the middleware does
-            not count.
+            not count. A smaller one than before has no effect: ``use`` of the first message has
+            taken the next ones already.
 
         """
-        if self._numbered == self._first and number > self._number + 1:
-            self.refused[LOST] += number - self._number - 1
-            self.incomplete(self, LOST)
-        self._number, self._numbered = number, self._first
+        if self._numbered != self._first:
+            self._number, self._numbered = number, self._first
+        elif number > self._number:
+            missing, self._number = number - self._number - 1, number
+            if missing:
+                self.refused[LOST] += missing
+                self.incomplete(self, LOST)
 
     @property
     def first(self) -> bytes:

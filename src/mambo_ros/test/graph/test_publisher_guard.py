@@ -158,3 +158,12 @@ def test_a_middleware_that_does_not_count_misses_nothing(guard):
     for _ in range(3):
         made.follow(2**64 - 1)
     assert not made.refused
+
+
+def test_the_first_message_may_come_after_those_that_it_took(guard):
+    made, _, _ = guard
+    for number in (8, 7, 9):
+        made.follow(number)
+    assert not made.refused
+    made.follow(11)
+    assert made.refused == {publisher_guard.LOST: 1}

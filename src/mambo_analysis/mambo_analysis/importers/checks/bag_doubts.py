@@ -198,9 +198,8 @@ def _turning(found: gyro_check.Turning | None, name: str) -> str:
             gyro_check.refuse(found)
         except AlignError as error:
             return str(error)
-        if abs(angle := gyro_check.askew(found)) > gyro_check.ASKEW:
-            return (f'the tracked body is turned by {np.degrees(angle):.0f} deg about z against '
-                    'the gyro: check how its rigid body was made')
+        if turned := gyro_check.turned_body(found):
+            return turned
     if axes := gyro_check.other_axes(found):
         return f'{axes} of the estimate: check the axes of both'
     if (gain := gyro_check.other_unit(found)) is not None:

@@ -26,6 +26,58 @@ def test_the_last_measured_value_is_found(begin, t):
     assert found in (begin - 1, begin)
 
 
+@pytest.mark.parametrize('written', [
+    *(lambda x, digits=digits: x.round(digits) for digits in (2, 3, 4, 6)),
+    lambda x: np.radians(np.degrees(x).round(3)), lambda x: 9.80665 * x.round(4),
+    lambda x: x.astype(np.float32).astype(np.float64)],
+    ids=['2 digits', '3', '4', '6', 'degrees', 'g', 'single precision'])
+@pytest.mark.parametrize('slope', [1.0, 0.03])
+def test_the_last_digit_bends_no_line(written, slope):
+    line = NOISE.copy()
+    line[200:] = line[200] + 0.01 * np.arange(200)[:, None] * [slope, -slope, 2.0 * slope]
+    found = extrapolated.begin(T, written(line))
+    assert found is not None and 195 <= found <= 200
+    assert extrapolated.begin(T, written(NOISE)) is None
+
+
+@pytest.mark.parametrize('t', [
+    np.sort(T + 0.003 * np.random.default_rng(2).standard_normal(400)),
+    (T - T[0]).astype(np.float32).astype(np.float64)], ids=['arrival', 'single precision'])
+def test_times_of_arrival_bend_no_line(t):
+    line = continued(NOISE, 200)  # even on the sensor's own clock
+    found = extrapolated.begin(t, line)
+    assert found is not None and 195 <= found <= 201
+
+
+def test_rounded_times_of_an_uneven_table_bend_no_line():
+    t = T + 0.004 * np.sin(np.arange(400.0))
+    line = NOISE.copy()
+    line[200:] = line[200] + (t[200:] - t[200])[:, None] * [1.0, -20.0, 3.0]
+    found = extrapolated.begin(t.round(3), line)
+    assert found is not None and 195 <= found <= 200
+
+
+@pytest.mark.parametrize('digits', [0, 1])
+def test_noise_of_few_digits_has_none(digits):
+    for seed in range(20):
+        noise = np.random.default_rng(seed).standard_normal((400, 3))
+        assert extrapolated.begin(T, (0.3 * noise).round(digits)) is None
+        slow = 0.003 * np.cumsum(noise, axis=0)  # many values between two digits
+        assert extrapolated.begin(T, slow.round(digits)) is None
+
+
+@pytest.mark.parametrize('values, digit', [
+    ([0.25, -1.5, 3.75], 0.0), ([0.1, 0.123, 5.0], 1e-3), ([1.0, 2.0, 7.1], 0.1),
+    (9.80665 * np.array([0.1234, 0.9, -1.0]), 9.80665e-4),
+    (np.radians([0.123, 10.0, -1.0]), np.radians(1e-3)),
+    (np.random.default_rng(0).standard_normal(50), 0.0)])
+def test_the_last_digit_is_found(values, digit):
+    values = np.array(values)
+    single = (values == values.astype(np.float32)).all()
+    assert extrapolated.last_digit(values) == pytest.approx(
+        np.spacing(np.float32(np.abs(values).max())) if single else digit)
+
+
 def test_what_was_measured_has_none():
     assert extrapolated.begin(T, NOISE) is None
     assert extrapolated.begin(T[:9], NOISE[:9]) is None
