@@ -17,6 +17,7 @@ GRAVITY = 9.81  # m/s^2
 LATENCY_BANDS = ((0.5, 1.0), (1.0, 2.0), (2.0, 4.0), (4.0, 8.0))  # Hz
 LEAST_SHARE = 0.3  # R^2 of the best band below which there is no common motion
 LAGS = np.arange(-0.05, 0.2501, 0.005)  # s
+CLIMB = 1.0  # Hz, of the vertical velocity by the sonar
 
 
 def measure(recording: Recording) -> tuple[list[Measured], tuple[Array, Array] | None]:
@@ -54,28 +55,56 @@ def measure(recording: Recording) -> tuple[list[Measured], tuple[Array, Array] |
     return lines, (1e3 * LAGS, misfit)
 
 
-def inertial_velocity(recording: Recording) -> Array:
+def inertial_velocity(recording: Recording, speed: Array | None = None) -> Array:
     """
     Return the velocity along body x and y by the IMU, (n, 2) m/s, high-pass filtered.
 
-    The rate of the body velocity is specific force plus gravity; roll and pitch are the
+    The rate of the body velocity is specific force plus gravity, less what the body's turning
+    makes of the velocity along body z, ``omega x v`` of (3.1b) and (3.3) in the body's frame:
+    where that is ``w``, the rest is ``w / g`` late, 10 ms at 0.1 m/s. Roll and pitch are the
     integrated gyro. Biases lie below 0.1 Hz and are taken out.
+
+    Parameters
+    ----------
+    recording
+        With gyro and accelerometer at the same times.
+    speed : (n, 2) m/s
+        Along body x and y by the flow, for the velocity along z, together with the sonar. None:
+        that is 0.
+
     """
-    step = float(np.median(np.diff(recording.gyro.t)))
-    slow = butter(1, 0.1, 'high', fs=1.0 / step, output='sos')
+    times, rates = recording.gyro.t, recording.gyro.values
+    step = float(np.median(np.diff(times)))
+    fast = butter(1, 0.1, 'high', fs=1.0 / step, output='sos')
 
     def integral(x: Array) -> Array:
         """Return the integral over time, high-pass filtered at 0.1 Hz."""
-        return cumulative_trapezoid(sosfiltfilt(slow, x, axis=0), dx=step, axis=0, initial=0.0)
+        return cumulative_trapezoid(sosfiltfilt(fast, x, axis=0), dx=step, axis=0, initial=0.0)
 
-    angle = integral(recording.gyro.values)
+    angle = integral(rates)
     gravity = GRAVITY * np.stack([-angle[:, 1], angle[:, 0]], axis=1)
-    return integral(recording.accel.values[:, :2] + gravity)
+    turned = 0.0
+    if speed is not None:
+        calm = butter(2, CLIMB, fs=1.0 / step, output='sos')
+        height, mean = (sosfiltfilt(calm, x, axis=0) for x in (
+            heights(recording.sonar, times), speed))
+        tilt = sosfiltfilt(fast, angle, axis=0)  # without the constant of the integral
+        down = (tilt[:, 1] * mean[:, 0] - tilt[:, 0] * mean[:, 1]
+                - np.gradient(height, times))
+        turned = down[:, None] * np.stack([-rates[:, 1], rates[:, 0]], axis=1)
+    return integral(recording.accel.values[:, :2] + gravity + turned)
 
 
-def _compared(recording: Recording) -> Array | None:
+def _compared(recording: Recording, climbing: bool) -> Array | None:
     """
     Return the products of flow and lagged inertial velocity, summed over stretches of flight.
+
+    Parameters
+    ----------
+    recording
+        Of a flight.
+    climbing
+        Whether the inertial velocity takes account of that along z.
 
     Returns
     -------
@@ -99,7 +128,7 @@ def _compared(recording: Recording) -> Array | None:
     even = np.stack([np.interp(imu.t, times, speed[:, k]) for k in range(2)], axis=1)
     starts = np.arange(STRETCHES) * len(use) // STRETCHES
     sums = np.empty((3, 2, len(LATENCY_BANDS), len(LAGS), STRETCHES))
-    whole = inertial_velocity(recording)
+    whole = inertial_velocity(recording, even if climbing else None)
     for b, band in enumerate(LATENCY_BANDS):
         sos = butter(2, band, 'band', fs=rate, output='sos')
         optical, inertial = (sosfiltfilt(sos, x, axis=0) for x in (even, whole))
@@ -118,7 +147,8 @@ def flow_latency(recording: Recording) -> tuple[Interval, float, Array] | None:
 
     Flow times height and inertial velocity are compared in ``LATENCY_BANDS``, a gain and a noise
     for each band and axis; each band counts by its width. Between the lags of the grid the
-    likelihood is a parabola.
+    likelihood is a parabola. The interval includes the lag that takes account of the velocity
+    along z: its own errors, and the height in the scale of the flow, may move a lag as much.
 
     Returns
     -------
@@ -130,15 +160,23 @@ def flow_latency(recording: Recording) -> tuple[Interval, float, Array] | None:
         Geometric mean of 1 - R^2 over ``LAGS``.
 
     """
-    sums = _compared(recording)
-    if sums is None:
+    level, climbing = (_compared(recording, climbing) for climbing in (False, True))
+    if level is None or climbing is None:
         return None
+    (value, low, high), share, misfit = _likeliest(level)
+    other = _likeliest(climbing)[0].value
+    return Interval(value, min(low, other), max(high, other)), share, misfit
+
+
+def _likeliest(sums: Array) -> tuple[Interval, float, Array]:
+    """Return :func:`flow_latency` by the products of :func:`_compared`."""
     widths = np.array([high - low for low, high in LATENCY_BANDS])
 
     def rest(keep: NDArray[np.int64]) -> Array:
         """Return the share of the flow that the motion does not explain, over some stretches."""
         cross, left, right = sums[..., keep].sum(axis=-1)
-        return 1.0 - np.maximum(cross, 0.0)**2 / (left * right)
+        common, both = np.maximum(cross, 0.0)**2, left * right
+        return 1.0 - np.divide(common, both, out=np.zeros_like(both), where=both > 0.0)
 
     def misfit(keep: NDArray[np.int64]) -> Array:
         """Return the logarithm of the misfit at each lag."""

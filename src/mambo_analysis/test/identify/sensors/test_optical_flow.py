@@ -63,6 +63,15 @@ def test_the_scale_of_the_flow_does_not_matter_to_the_delay():
     assert low == pytest.approx(high, abs=1e-6)
 
 
+def test_an_axis_that_shows_nothing_explains_nothing():
+    whole = flight(0.06)
+    one = Recording('r', whole.gyro, whole.accel, whole.sonar, Stream(
+        whole.flow.t, whole.flow.values * [1.0, 0.0]), pwm=whole.pwm)
+    interval, share, misfit = flow_latency(one)
+    assert interval.value == pytest.approx(0.06, abs=2e-3)
+    assert share > 0.9 and np.isfinite(misfit).all()
+
+
 def test_pauses_and_how_many_values_lie_between_them():
     whole = flight()
     keep = np.ones(len(whole.flow.t), bool)
@@ -110,6 +119,61 @@ def test_a_tilt_pulls_the_vehicle_along_by_gravity(axis, moved, sign):
     expected = banded(-sign * G * size / w * np.cos(w * t))
     assert (banded(found[:, moved]) - expected).std() < 0.05 * expected.std()
     assert np.abs(found[:, 1 - moved]).max() == 0.0
+
+
+def tilting(climb, late=0.06, seconds=12.0):
+    """Return a vehicle that tilts to sway and climbs at so many m/s, with a late flow."""
+    t = np.arange(round(seconds / STEP)) * STEP
+    w, phase = 2.0 * np.pi * np.array([0.7, 1.3, 2.9])[:, None], np.arange(3.0)[:, None]
+    size = np.array([0.05, 0.03, 0.02])[:, None]
+    rate = (size * w * np.cos(w * t + phase)).sum(axis=0)  # the pitch is size sin(w t + phase)
+
+    def speed(at):
+        """Return the velocity along x: its rate is -g pitch - rate v_z, and v_z is -climb."""
+        return (G * size / w * np.cos(w * at + phase)
+                + climb * size * np.sin(w * at + phase)).sum(axis=0)
+    zero, frames = np.zeros(len(t)), np.arange(0.0, seconds, 0.03)
+    height = 0.8 + climb * t
+    return Recording(
+        'r', Stream(t, np.c_[zero, rate, zero]), Stream(t, np.c_[zero, zero, zero - G]),
+        Stream(t[::8], height[::8]), Stream(frames, np.c_[
+            speed(frames - late) / (0.8 + climb * frames), 0.0 * frames]
+            + 1e-4 * np.random.default_rng(0).standard_normal((len(frames), 2))),
+        pwm=Stream(t, np.full((len(t), 4), 250.0))), speed(t)
+
+
+@pytest.mark.parametrize('climb', [0.3, 0.0])
+def test_a_climb_turns_its_velocity_into_the_horizontal(climb):
+    recording, velocity = tilting(climb, seconds=20.0)
+    expected = banded(velocity)
+    with_it, without = (
+        (banded(inertial_velocity(recording, speed)[:, 0]) - expected).std() / expected.std()
+        for speed in (np.zeros((4000, 2)), None))
+    assert with_it < 0.05  # as of the level vehicle above
+    assert without > 0.1 if climb else without == pytest.approx(with_it)
+
+
+@pytest.mark.parametrize('axis, sign', [(1, -1.0), (0, -1.0)])
+def test_a_tilted_vehicle_moves_along_its_z(axis, sign):
+    """At level speed v, v_z is v times the tilt a: its part of the rate is -v a da/dt."""
+    t = np.arange(4000) * STEP
+    angle, speed = 0.1 * np.hanning(4000) * np.sin(2.0 * np.pi * 0.8 * t), 1.5
+    gyro = np.zeros((4000, 3))
+    gyro[:, axis] = np.gradient(angle, STEP)
+    level = flight(seconds=20.0)
+    one = Recording('r', Stream(t, gyro), level.accel, level.sonar)
+    along = np.zeros((4000, 2))
+    along[:, 1 - axis] = speed
+    found = (inertial_velocity(one, along) - inertial_velocity(one))[:, 1 - axis]
+    expected = banded(sign * speed * angle**2 / 2.0)
+    assert (banded(found) - expected).std() < 0.1 * expected.std()  # a is high-pass filtered
+
+
+def test_the_interval_knows_that_a_climb_moves_the_delay():
+    recording, _ = tilting(0.3)
+    (value, low, high), share, _ = flow_latency(recording)
+    assert share > 0.9 and abs(value - 0.06) > 0.015  # w / g = 0.03 s, taken as level
+    assert low <= 0.062 and high >= 0.058
 
 
 def test_what_cannot_be_told_is_said_and_not_guessed():
