@@ -21,12 +21,13 @@ def attitudes(ax, ay):
     return Rotation.from_rotvec(axis * (angle / size)[:, None]).as_quat()
 
 
-def flight(a=1.0, b=0.7, period=(4.0, 2.7), rate=100.0, length=20.0):
-    """Return a flight along x = a sin, y = b sin, 1 m high."""
+def flight(a=1.0, b=0.7, period=(4.0, 2.7), rate=100.0, length=20.0, drag=0.0):
+    """Return a flight along x = a sin, y = b sin, 1 m high, with a drag in 1/s."""
     t = np.arange(0.0, length, 1.0 / rate)
     w, v = (2.0 * np.pi / one for one in period)
     position = np.stack([a * np.sin(w * t), b * np.sin(v * t), np.where(t < 0.5, 0.0, 1.0)], 1)
-    q = attitudes(-a * w**2 * np.sin(w * t), -b * v**2 * np.sin(v * t))
+    q = attitudes(-a * w**2 * np.sin(w * t) + drag * a * w * np.cos(w * t),
+                  -b * v**2 * np.sin(v * t) + drag * b * v * np.cos(v * t))
     return Motion('optitrack/pose', np.rint(t * 1e9).astype(int), position, q)
 
 
@@ -43,6 +44,24 @@ def late(one, seconds):
 
 def test_a_flight_is_as_its_tilts_say():
     assert tilts.describe(flight()) == ''
+
+
+@pytest.mark.parametrize('period', [(4.0, 2.7), (6.3, 5.0), (7.5, 7.5)])
+def test_drag_is_no_delay(period):
+    """At 1 rad/s a drag of 0.54 1/s makes accelerations lead the tilts by 0.5 s."""
+    size = 0.9 * (period[0] / 4.0)**2  # the same tilts
+    assert tilts.describe(flight(size, 0.8 * size, period, length=30.0, drag=0.54)) == ''
+
+
+@pytest.mark.parametrize('period', [6.0, 9.0, 12.0])
+@pytest.mark.parametrize('way', [1.0, -1.0])
+def test_drag_on_a_circle_is_no_turn(period, way):
+    w, size, drag, one = 2.0 * np.pi / period, 1.5, 0.54, flight(length=60.0)
+    x, y = size * np.cos(w * one.t), way * size * np.sin(w * one.t)
+    v_x, v_y = -way * w * y, way * w * x
+    circle = dataclasses.replace(one, position=np.stack([x, y, one.position[:, 2]], 1),
+                                 quaternion=attitudes(-w**2 * x + drag * v_x, -w**2 * y + drag * v_y))
+    assert tilts.describe(circle) == ''
 
 
 @pytest.mark.parametrize('change, said', [
