@@ -32,6 +32,7 @@ LARGEST = 2.8        # rad, of a swing: beyond is no pendulum but deg/s taken fo
 EXPLAINED = 0.5      # least part of the power of the gyro that a swing of (4.2) has to explain
 OTHER_UNIT = 2.0     # [-] unexplained variance in the unit given over that in the other, at least:
                      # a large swing is slower, and slows less as it decays, than a small one
+FLAT = 2.0           # times as long as the top of a swing in numbers of its resolution
 COHERENT = 0.01      # of the rate: a coloured residual beyond is an error of the model
 NAMES = ('frequency', 'quadratic damping', 'linear damping', 'first angle', 'first rate')
 AXES = ('x', 'y', 'z')
@@ -105,7 +106,27 @@ def _check(t: Floats, rate: Floats) -> tuple[float, float]:
         raise IdentifyError(
             f'a rate of {top:.3g} at {frequency:.3g} rad/s would be a swing of '
             f'{top / frequency:.1f} rad: is the gyro in deg/s? then give --unit deg/s')
+    _refuse_clipped(t, rate, frequency)
     return frequency, top
+
+
+def _refuse_clipped(t: Floats, rate: Floats, frequency: float) -> None:
+    """
+    Raise IdentifyError for a gyro that stands at its limit where the swing is fastest.
+
+    The top of a swing of amplitude A in steps of q lasts ``2 sqrt(2 q / A) / frequency``.
+    """
+    levels = np.unique(rate)
+    step = float(np.diff(levels).min())
+    for end in (rate.max(), rate.min()):
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], rate == end, [False]])))
+        k = int(np.argmax(edges[1::2] - edges[::2]))
+        first, stop = edges[2 * k], edges[2 * k + 1]
+        top = 2.0 * np.sqrt(2.0 * step / np.ptp(rate / 2.0)) / frequency
+        if stop - first > FLAT * (top / np.median(np.diff(t)) + 3.0):
+            raise IdentifyError(
+                f'{stop - first} samples from {t[first]:.4g} s on stand at {end:.4g} rad/s: the '
+                'gyro is at its limit; give --start of a part with smaller swings')
 
 
 def fit_swing(t: Floats, rate: Floats, geometry: Geometry | None = None) -> Inertia:

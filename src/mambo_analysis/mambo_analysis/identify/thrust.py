@@ -2,7 +2,9 @@
 Motor map from a bench: thrust of one motor over its command, (4.5)-(4.7).
 
 A power law T = a X^b by least squares on logarithms (4.6), which weighs every reading by its
-magnitude, and the line X = c T through the origin. A bag is a flight, not a bench: its map is that
+magnitude, and the line X = c T through the origin. Where repeated readings clearly scatter by an
+error that does not grow with the thrust, as of a scale, the power law is that of the largest
+likelihood. A bag is a flight, not a bench: its map is that
 of the accelerometer (:mod:`.from_flight`).
 """
 
@@ -21,7 +23,7 @@ from mambo_model.vehicle.parameters import find
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import optimize, stats
 
 from . import columns, from_flight, regression, result
 from .regression import IdentifyError, LEVEL, Value
@@ -35,6 +37,10 @@ REACH = (0.5, 1.5)  # largest command of a bench over the limit of the base; 0.9
 LIKE = (0.4, 2.5)  # thrust over that of the base at the largest command; 0.8 on a real bench
 MISSED = 0.02  # [-] RMS of mean thrusts, that is told
 SURE = 1e-3  # of the F test of lack of fit
+LEAST_SCATTER = 12  # readings, beyond one at each command, that tell whether their error grows
+ROUNDS = 20  # of a weighted fit
+CLEARLY = 4.0  # of the log-likelihood, for an error that does not; by chance in 0.2 %
+PRECISE = {'maxiter': 4000, 'maxfev': 4000, 'xatol': 1e-7, 'fatol': 1e-7}
 USUAL = (1.0, 2.5)  # exponent of the map of a rotor: 1.47 in the thesis
 THESIS = (4.29e-5, 1.47)  # a [N] and b of (4.5), sec. 4.4.2
 
@@ -49,6 +55,8 @@ class Thrust(NamedTuple):
     linear_rms: float    # 1, of ln(T gain / X)
     power_rms: float     # 1, of ln(T / (a X^b))
     used: NDArray[np.bool_]  # (n,)
+    scale_error: float = 0.0  # N, standard deviation whatever the thrust; 0: none is clear
+    share_error: float = 1.0  # 1, besides, of the thrust; of no concern without a scale error
 
     @property
     def better(self) -> str:
@@ -120,6 +128,9 @@ def _fit(X: Floats, T: Floats, used: NDArray[np.bool_]) -> Thrust:
     (log_a, b), *_ = np.linalg.lstsq(A, np.log(T))
     rest = np.log(T) - A @ (log_a, b)
     covariance = float(rest @ rest) / (len(X) - 2) * np.linalg.inv(A.T @ A)
+    errors = _repeated(X, T) or ()
+    if errors:
+        (log_a, b), covariance = _weighted(X, T, (log_a, b), *errors)
     sd = np.sqrt(np.diag(covariance)) * stats.t.ppf(0.5 + 0.5 * LEVEL, len(X) - 2)
     return Thrust(
         Value(gain, gain - half, gain + half, 'PWM/N'),
@@ -127,7 +138,82 @@ def _fit(X: Floats, T: Floats, used: NDArray[np.bool_]) -> Thrust:
         Value(float(b), float(b - sd[1]), float(b + sd[1]), '1'),
         float(covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])),
         float(np.sqrt(np.mean(np.log(T * gain / X) ** 2))),
-        float(np.sqrt(np.mean(rest ** 2))), used)
+        float(np.sqrt(np.mean(rest ** 2))), used, *errors)
+
+
+def _scatter(rest: Floats, T: Floats, share: Floats) -> tuple[float, float] | None:
+    """
+    Return the errors of readings, if one of them clearly does not grow with the thrust.
+
+    Deviations are normal with the variance ``s_1^2 + (s_0 / T)^2``; the likelihood is compared
+    with that of ``s_0 = 0``.
+
+    Parameters
+    ----------
+    rest : (n,)
+        Deviations over the thrust.
+    T : (n,) N
+    share : (n,)
+        Degrees of freedom that each counts for.
+
+    Returns
+    -------
+    s_0 : N
+    s_1 : 1
+
+    """
+    usual = float(share @ rest ** 2 / share.sum())
+    if not usual > 0.0:
+        return None
+
+    def surprise(theta: Floats) -> float:
+        """Return minus the logarithm of the likelihood of log s_0 and log s_1."""
+        variance = np.exp(2.0 * theta[1]) + np.exp(2.0 * theta[0]) / T ** 2
+        return float(0.5 * share @ (np.log(variance) + rest ** 2 / variance))
+    alone = 0.5 * share.sum() * (np.log(usual) + 1.0)
+    top = 0.5 * np.log(usual)
+    found = min((optimize.minimize(surprise, (top + np.log(part * one), top + np.log(1.1 - part)),
+                                   method='Nelder-Mead', options=PRECISE)
+                 for part in (0.1, 0.5, 1.0) for one in (T.min(), np.median(T))),
+                key=lambda one: one.fun)
+    if not alone - found.fun > CLEARLY:
+        return None
+    return float(np.exp(found.x[0])), float(np.exp(found.x[1]))
+
+
+def _repeated(X: Floats, T: Floats) -> tuple[float, float] | None:
+    """Return :func:`_scatter` of readings about the mean at their command; None: too few."""
+    _, level, counts = np.unique(X, return_inverse=True, return_counts=True)
+    if len(X) - len(counts) < LEAST_SCATTER:
+        return None
+    mean, share = (np.bincount(level, T) / counts)[level], 1.0 - 1.0 / counts[level]
+    again = share > 0.0
+    return _scatter((T[again] / mean[again] - 1.0) / np.sqrt(share[again]), mean[again],
+                    share[again])
+
+
+def _weighted(
+    X: Floats, T: Floats, start: Floats, s_0: float, s_1: float,
+) -> tuple[Floats, Floats]:
+    """Return log a and b, (2,), of the largest likelihood for known errors; and covariance."""
+    theta, A = np.asarray(start, float), np.stack([np.ones(len(X)), np.log(X)], axis=1)
+    for _ in range(ROUNDS):
+        mean = np.exp(A @ theta)
+        sigma = np.hypot(s_1 * mean, s_0)
+        slope, rest = A * (mean / sigma)[:, None], (T - mean) / sigma
+        theta = theta + np.linalg.lstsq(slope, rest)[0]
+    return theta, float(rest @ rest) / (len(X) - 2) * np.linalg.inv(slope.T @ slope)
+
+
+def uneven(X: Floats, T: Floats, found: Thrust) -> str:
+    """Return in words that a fit on logarithms misses small thrusts; empty: it does not."""
+    rest = np.log(T) - np.log(found.a.value) - found.b.value * np.log(X)
+    if found.scale_error or len(X) < LEAST_SCATTER or (
+            errors := _scatter(rest, T, np.ones(len(X)))) is None:
+        return ''
+    return (f'a X^b misses small thrusts by a larger share, as with a scale that errs by '
+            f'{errors[0]:.2g} N or has a wrong zero: the intervals do not hold; take several '
+            'readings at each command, or more of large thrusts')
 
 
 def misfit(X: Floats, T: Floats, found: Thrust) -> str:
@@ -135,16 +221,23 @@ def misfit(X: Floats, T: Floats, found: Thrust) -> str:
     Return in words that the power law misses repeated readings; empty: it does not, or none are.
 
     The F test of lack of fit, on logarithms: what the means at each command miss, beside what the
-    readings at one command scatter.
+    readings at one command scatter. With an error of the scale, small thrusts count less.
     """
     levels, level, counts = np.unique(X, return_inverse=True, return_counts=True)
     n, m = len(X), len(levels)
-    rest = np.log(T) - np.log(found.a.value) - found.b.value * np.log(X)
+    law = np.log(found.a.value) + found.b.value * np.log(X)
+    rest = np.log(T) - law
+    weight = np.ones(n)
+    if found.scale_error:
+        rest = T * np.exp(-law) - 1.0
+        weight = 1.0 / (found.share_error ** 2 + (found.scale_error * np.exp(-law)) ** 2)
+        weight /= weight.mean()
     means = np.bincount(level, rest) / counts
     if m < 4 or n - m < m:
         return ''
-    scatter = float(np.sqrt(np.sum((rest - means[level]) ** 2) / (n - m)))
-    variance = float(counts @ means ** 2 / (m - 2))  # of a reading, if the power law fits
+    scatter = float(np.sqrt(weight @ (rest - means[level]) ** 2 / (n - m)))
+    # of a reading, if the power law fits
+    variance = float(weight @ means[level] ** 2 / (m - 2))
     missed = float(np.sqrt(variance * m / n))
     if missed < MISSED or scatter > 0.0 and stats.f.sf(
             variance / scatter ** 2, m - 2, n - m) > SURE:
@@ -205,6 +298,11 @@ def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> result.
         'b minus that of the thesis': found.b.value - THESIS[1],
         f'thrust over that of the thesis at {middle:.0f}': share}
     notes = ['a and b belong together: neither is known as well as their map']
+    if found.scale_error:
+        notes.append(
+            f'repeated readings scatter by {found.scale_error:.2g} N whatever the thrust, as by '
+            'the scale: the power law is that of the largest likelihood, not of least squares on '
+            'logarithms (4.6), where small thrusts would count too much')
     for left, why in ((pwm <= 0.0, 'a command of 0 or below: the motor stands'),
                       (pwm > options.max_pwm, f'a command above --max-pwm {options.max_pwm:g}')):
         notes += [f'{left.sum()} of {len(pwm)} readings are left out, as they have {why}'
@@ -232,7 +330,8 @@ def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> result.
         notes.append(f'the thrust grows with the command to the power {found.b.value:.3g}; of '
                      f'rotors {USUAL[0]:g} to {USUAL[1]:g} are usual: check the zero of the scale '
                      'and of the command')
-    notes += filter(None, [misfit(pwm[found.used], thrust[found.used], found)])
+    notes += filter(None, [doubt(pwm[found.used], thrust[found.used], found)
+                           for doubt in (uneven, misfit)])
     report = result.Report(
         f'motor map of {options.file.name}',
         {'linear gain': found.gain, 'a': found.a, 'b': found.b}, facts, notes, changed,

@@ -79,6 +79,27 @@ def test_what_is_no_swing_is_refused_in_one_line(change, message):
     assert '\n' not in str(error.value)
 
 
+@pytest.mark.parametrize('share', [0.5, 0.8, 0.93])
+@pytest.mark.parametrize('written', [lambda x: x, lambda x: x.round(3), np.float32],
+                         ids=['floats', 'rounded', 'single precision'])
+def test_a_gyro_at_its_limit_is_refused(share, written):
+    rate = swing(7.75e-5, bias=0.0)
+    limit = share * np.abs(rate).max()
+    for low in (-limit, -np.inf):
+        with pytest.raises(IdentifyError, match=r'\d+ samples from .* s on stand at -?\d.* rad/s: '
+                                                'the gyro is at its limit'):
+            fit_swing(T, written(np.clip(rate, low, limit)), RIG)
+
+
+@pytest.mark.parametrize('step', [0.0, 1e-4, 0.01, 0.1])
+@pytest.mark.parametrize('noise', [0.0, 1.0])
+def test_a_coarse_gyro_is_not_at_its_limit(step, noise):
+    rate = swing(7.75e-5, bias=0.0) - (1.0 - noise) * (
+        NOISE * np.random.default_rng(0).standard_normal(len(T)))
+    rough = np.round(rate / step) * step if step else rate
+    assert fit_swing(T, rough, RIG).J.value == pytest.approx(7.75e-5, rel=2e-3)
+
+
 def test_a_jump_of_the_clock_is_refused():
     jumped = np.where(T > 10.0, T + 1.0, T)
     with pytest.raises(IdentifyError, match='no sample from 10 to 11.01 s'):

@@ -48,6 +48,53 @@ def test_intervals_cover_over_400_seeds():
     assert_covers(1530.7, [one.gain for one in lines])
 
 
+def scale(seed, commands=COMMANDS, error=0.003, share=0.0):
+    """Return thrusts of the Mambo's map by a scale that errs by so many N, at any thrust."""
+    rng = np.random.default_rng(seed)
+    return A * commands ** B * (1.0 + share * rng.standard_normal(len(commands))) + (
+        error * rng.standard_normal(len(commands)))
+
+
+def test_a_scale_that_errs_by_newtons_moves_no_exponent():
+    """Half as often as they should, the intervals on logarithms held the truth: 4 of 10."""
+    found = [fit_thrust(COMMANDS, scale(seed)) for seed in range(40)]
+    assert all(one.scale_error == pytest.approx(0.003, rel=0.5) for one in found)
+    covered = [one.b.low < B < one.b.high and one.a.low < A < one.a.high for one in found]
+    assert np.mean(covered) > 0.82  # 95 % less four binomial deviations
+    assert np.std([one.b.value for one in found]) < 0.012  # 0.04 on logarithms
+    assert np.mean([one.b.value for one in found]) == pytest.approx(B, abs=0.006)  # three sigma
+
+
+def test_an_error_that_grows_with_the_thrust_is_none_of_the_scale():
+    assert sum(fit_thrust(COMMANDS, bench(seed)).scale_error > 0.0 for seed in range(40)) <= 1
+    wrong = fit_thrust(COMMANDS, bench(0) + 0.05)  # zero: the repeats do not scatter so
+    assert not wrong.scale_error and thrust.misfit(COMMANDS, bench(0) + 0.05, wrong)
+
+
+def test_a_scale_error_beside_a_wrong_map_is_told_as_both(tmp_path, capsys):
+    T = scale(1) + 0.1 * A * COMMANDS ** B * np.sin(COMMANDS / 60.0)
+    found = fit_thrust(COMMANDS, T)
+    assert found.scale_error and 'misses the mean thrusts' in thrust.misfit(COMMANDS, T, found)
+    assert not thrust.misfit(COMMANDS, scale(1), fit_thrust(COMMANDS, scale(1)))
+
+
+@pytest.mark.parametrize('repeats, words', [
+    (5, 'repeated readings scatter by 0.003'), (1, 'take several readings at each command')])
+def test_a_scale_error_is_told(tmp_path, capsys, repeats, words):
+    X = np.repeat(np.linspace(40.0, 460.0, 30), repeats)
+    told = 0
+    for seed in range(4):
+        file = tmp_path / 'bench.csv'
+        np.savetxt(file, np.stack([X, scale(seed, X)], axis=1), header='pwm,thrust',
+                   delimiter=',', comments='')
+        assert main([str(file)]) == 0
+        told += words in capsys.readouterr().out
+    assert told >= 3
+    np.savetxt(file, np.stack([X, A * X ** B * np.exp(0.02 * np.random.default_rng(
+        0).standard_normal(len(X)))], axis=1), header='pwm,thrust', delimiter=',', comments='')
+    assert main([str(file)]) == 0 and 'scale' not in capsys.readouterr().out
+
+
 def test_fading_thrust_bends_the_map_unless_it_is_left_out():
     T = bench(3, 0.005)
     T = np.where(COMMANDS > 350.0, 0.93 * T, T)

@@ -3,10 +3,11 @@ Whether tracked positions accelerate as the tracked attitude tilts: :func:`descr
 
 The thrust of a multirotor is along its body z axis, so its horizontal acceleration is g times the
 tilt, less a drag D v (3.6), by which it leads the tilt: by 0.2 s in a slow sway. D is not known;
-positions contradict attitudes if they do so for each D up to ``DRAG``. Second differences of the positions over ``HALF`` are a weighted mean of the
-acceleration; the tilts are averaged with the same weights. In the 83 takes of NanoBench that tilt
-by ``LEAST`` or more both have a correlation of 0.86 to 0.99, the accelerations are 0.80 to 1.03
-times the tilts, and the best agreement is at delays of -0.10 to 0 s.
+positions contradict attitudes if they do so for each D up to ``DRAG``. Second differences of the
+positions over ``HALF`` are a weighted mean of the acceleration; the tilts are averaged with the
+same weights. In the 83 takes of NanoBench that tilt by ``LEAST`` or more both have a correlation
+of 0.86 to 0.99, the accelerations are 0.80 to 1.03 times the tilts, and the best agreement is at
+delays of -0.10 to 0 s.
 """
 
 from __future__ import annotations
@@ -116,8 +117,8 @@ def describe(one: Motion) -> str:
         return (f'{said} do not follow its tilts (correlation {now:.2f}), as those of a flying '
                 'multirotor do: check that both are of this vehicle, and not carried by hand')
     if now >= FOLLOWS and min(np.abs(turned)) > TURNED:
-        return (f'{said} are turned by {turned[0]:.0f} deg about the vertical from its tilts: check '
-                'its axes, or, if it flies in circles, its times')
+        return (f'{said} are turned by {turned[0]:.0f} deg about the vertical from its tilts: '
+                'check its axes, or, if it flies in circles, its times')
     if most < RATIO[0] or now * ratio > RATIO[1]:  # noise of the positions is no scale
         return (f'{said} are {ratio:.2g} times those of its tilts: check the unit of the '
                 'positions, or their scale')

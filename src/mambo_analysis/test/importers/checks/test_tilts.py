@@ -59,8 +59,9 @@ def test_drag_on_a_circle_is_no_turn(period, way):
     w, size, drag, one = 2.0 * np.pi / period, 1.5, 0.54, flight(length=60.0)
     x, y = size * np.cos(w * one.t), way * size * np.sin(w * one.t)
     v_x, v_y = -way * w * y, way * w * x
-    circle = dataclasses.replace(one, position=np.stack([x, y, one.position[:, 2]], 1),
-                                 quaternion=attitudes(-w**2 * x + drag * v_x, -w**2 * y + drag * v_y))
+    circle = dataclasses.replace(
+        one, position=np.stack([x, y, one.position[:, 2]], 1),
+        quaternion=attitudes(-w**2 * x + drag * v_x, -w**2 * y + drag * v_y))
     assert tilts.describe(circle) == ''
 
 
