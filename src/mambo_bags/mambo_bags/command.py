@@ -45,7 +45,12 @@ class _OutputError(Exception):
 
 
 class _Output:
-    """Standard output whose errors can be distinguished from those of a file."""
+    """
+    Standard output whose errors can be distinguished from those of a file.
+
+    What a reader that has gone, such as ``head``, no longer takes is discarded: the files of a
+    command are written all the same.
+    """
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -57,6 +62,9 @@ class _Output:
         """Write what a terminal can show; raise _OutputError on failure."""
         try:
             return self._stream.write(visible(text))
+        except BrokenPipeError:
+            _discard(self._stream)
+            return len(text)
         except OSError as error:
             raise _OutputError(error) from None
 
@@ -64,6 +72,8 @@ class _Output:
         """Flush, likewise."""
         try:
             self._stream.flush()
+        except BrokenPipeError:
+            _discard(self._stream)
         except OSError as error:
             raise _OutputError(error) from None
 
@@ -365,7 +375,7 @@ def guard(name: str, work: Callable[[], None]) -> int:
 
     The code is that of a :class:`mambo_model.errors.MamboError`, 2 for a path that is missing, not
     permitted or of the wrong kind, and 1 for other disk errors, exhausted memory, and an output
-    that is closed or full.
+    that is closed or full. A reader that goes before the end, as of a pipe, is no failure.
     """
     name = program(name)
     if sys.stdout is None:
@@ -421,9 +431,14 @@ def _complain(name: str, text: str, exit_code: int = 1) -> int:
     return exit_code
 
 
+def _discard(stream: TextIO) -> None:
+    """Let what is still written to a stream go nowhere."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
+
+
 def _lost_output(name: str, stream: TextIO, error: OSError) -> int:
     """Discard unwritten output, so that Python does not try again; return the exit code."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-    if isinstance(error, BrokenPipeError):  # the reader, such as head, has closed the pipe
-        return 1
+    _discard(stream)
     return _complain(name, f'the output cannot be written: {error.strerror}')
