@@ -182,7 +182,7 @@ def complaint(e: Estimate) -> str:
         if not all(map(math.isfinite, numbers)):
             return f'{name} = {numbers}'
     if not is_unit(e.state.q):
-        return (f'attitude = {e.state.q}, a quaternion of length {norm(e.state.q):.3g} instead '
+        return (f'attitude = {e.state.q}, a quaternion of length {norm(e.state.q):.9g} instead '
                 'of 1')
     for name in ('height', 'vertical_velocity'):
         if not math.isfinite(getattr(e, name)):

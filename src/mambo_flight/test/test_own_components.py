@@ -207,6 +207,8 @@ def test_a_wrong_one_is_refused_before_anything_flies(plain, old, new, output):
 @pytest.mark.parametrize(('answer', 'said'), [
     ('estimate._replace(state=estimate.state._replace(q=(2.0, 0.0, 0.0, 0.0)))',
      'attitude = .* a quaternion of length 2 instead of 1'),
+    ('estimate._replace(state=estimate.state._replace(q=(1.001, 0.0, 0.0, 0.0)))',
+     r'attitude = .* a quaternion of length 1\.001 instead of 1'),
     ("estimate._replace(state=estimate.state._replace(rho=('1', '2', '3')))",
      r"step answers state\.rho\[0\] = '1': wanted a number"),
     ('estimate._replace(state=estimate.state._replace(rho=(1.0, 2.0)))',

@@ -30,11 +30,14 @@ class Pause:
     ----------
     paused
         At the beginning.
+    duration : s
+        Of the flight; 0: until stopped.
 
     """
 
-    def __init__(self, paused: bool) -> None:
+    def __init__(self, paused: bool, duration: float = 0.0) -> None:
         self.paused, self._steps = paused, 0
+        self._end = round(duration * 1e9)  # ns; 0: none
 
     def set(self, paused: bool) -> str:
         """Pause or go on; return what it is now."""
@@ -65,7 +68,10 @@ class Pause:
         if self._steps + steps > MOST_STEPS:
             return False, f'{self._steps + steps} steps to be made, limit {MOST_STEPS}'
         self._steps += max(steps, 1)
-        return True, f'to t = {(t + (self._steps - 1) * STEP_NS) * 1e-9:.3f} s'
+        until = t + (self._steps - 1) * STEP_NS
+        if 0 < self._end <= until:
+            return True, f'to t = {self._end * 1e-9:.3f} s, the end of the flight'
+        return True, f'to t = {until * 1e-9:.3f} s'
 
     def due(self) -> bool:
         """Return whether the next step is to be made, which then counts."""

@@ -65,7 +65,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
             check=input_guard.check_pwm)
         self.links = links.Links(
             self, self.params.wait_for, self.params.wait_for_publishers)
-        self.pause = lockstep.Pause(self.params.paused)
+        self.pause = lockstep.Pause(self.params.paused, self.params.duration)
         services.Services(self).offer(
             (table.PAUSE, lambda request: (True, self.pause.set(request.data))),
             (table.STEP, lambda request: self.pause.step(request.steps, self.t)))

@@ -314,6 +314,9 @@ def test_steps_are_for_a_paused_flight_and_have_a_limit():
     assert pause.due() and pause.step(1, 0) == (False, 'the simulation is not paused')
     assert pause.set(True) == 'paused'
     assert pause.step(3, 10 * STEP_NS) == (True, 'to t = 0.060 s')
+    ending = lockstep.Pause(True, 0.1)
+    assert ending.step(20, 0) == (True, 'to t = 0.095 s')
+    assert ending.step(9000, 0) == (True, 'to t = 0.100 s, the end of the flight')
     assert pause.step(lockstep.MOST_STEPS, 0)[0] is False
     assert [pause.due() for _ in range(4)] == [True, True, True, False]
     pause.step(3, 0)

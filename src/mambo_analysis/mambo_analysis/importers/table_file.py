@@ -107,6 +107,9 @@ def _csv(path: Path, wanted: list[str], delimiter: str) -> Read:
             line = delimiter.join(str(cell) for cell in header.iloc[0]).strip()
             raise ValueError(f'remove the first line, {quoted(line)}, which only Excel reads')
         names = _names(header.iloc[0], wanted)
+        if first.startswith('#') and not set(wanted) <= set(names):
+            raise ValueError(f'line 1 is a comment, {quoted(delimiter.join(names))}: the first '
+                             'line must be the names of the columns, without a #')
         if _delimiter(names, wanted):
             return {}, names
         with warnings.catch_warnings():

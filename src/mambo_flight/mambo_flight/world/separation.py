@@ -171,6 +171,9 @@ def read_drones(paths: Sequence[Path]) -> tuple[dict[str, Seen], Hall]:
 
     """
     bags = list(itertools.chain.from_iterable(map(_bags, paths)))
+    if len(bags) < 2 and len(paths) == 1:
+        raise InputError(f"{paths[0]}: {'one drone' if bags else 'no bag in it'}: give a folder "
+                         f'with the bags of 2 to {MOST} drones, or each of them')
     if not 2 <= len(bags) <= MOST:
         raise InputError(f'{len(bags)} bags: give those of 2 to {MOST} drones')
     drones: dict[str, Seen] = {}
@@ -252,6 +255,8 @@ def is_folder(path: Path) -> bool:
 
 def _bags(path: Path) -> list[Path]:
     """Return the bags in a folder of bags, or the path itself."""
+    if not path.exists():
+        raise InputError(f'{path}: no such bag or folder of bags')
     if not is_folder(path):
         return [path]
     return sorted(file.parent for file in path.glob('*/metadata.yaml'))

@@ -126,7 +126,8 @@ def test_bags_of_other_flights_are_refused(flown, tmp_path, capsys):
     copy = tmp_path / 'copy'
     shutil.copytree(flown / 'mambo1', copy)
     for bags, message in (
-            ([flown / 'mambo1'], '1 bags: give those of 2 to'),
+            ([flown / 'mambo1'], 'mambo1: one drone: give a folder with the bags of 2 to'),
+            ([flown / 'nothing'], 'nothing: no such bag or folder of bags'),
             ([flown / 'mambo1', copy], '/mambo1 is in another bag, too'),
             ([flown / 'mambo1', alone], 'holds no world.yaml'),
             ([flown / 'mambo1', tmp_path / 'none'], 'none')):
