@@ -46,6 +46,7 @@ FAST_SPEED = 0.2  # [m/s] of an estimate whose position cannot stand
 LEAP = 0.5  # [m] of an estimate between two samples that is told
 FAST = ('imu/data_raw', 'motor_pwm', TRACKED, OWN)
 PAUSE, PERIOD = 1.0, 0.1  # [s] of a topic with that period, at most
+COVERED = 0.75  # [-] of the time of a recording, at least, that a fast topic covers
 MOVED = 0.1  # [m] of another motion meanwhile
 
 
@@ -68,7 +69,7 @@ def _doubts(bag: Bag) -> list[str]:
                 motions[name] = motion.read(bag, name)
             except BagError:  # fewer than two usable samples, which is said by what needs them
                 pass
-    out = _jumps(bag) + _apart(bag) + _pauses(bag)
+    out = _jumps(bag) + _apart(bag) + _pauses(bag) + _partial(bag)
     if 'imu/data_raw' in bag and len(bag['imu/data_raw']) > 1:
         out += _dead(bag) or _inertial(bag, [
             one for one in motions.values() if np.isfinite(one.quaternion).any()])
@@ -115,6 +116,21 @@ def _pauses(bag: Bag) -> list[str]:
             out.append(f'{topic}: nothing from {t[k]:.2f} to {t[k + 1]:.2f} s: was the logging '
                        'interrupted?')
     return out
+
+
+def _partial(bag: Bag) -> list[str]:
+    """Return a line about each fast topic that covers clearly less time than the others."""
+    spans = {topic: (float(bag[topic].t.min()), float(bag[topic].t.max())) for topic in FAST
+             if topic in bag and len(bag[topic]) >= gyro_check.LEAST_SAMPLES}
+    if not spans:
+        return []
+    begin, end = min(one[0] for one in spans.values()), max(one[1] for one in spans.values())
+    if end - begin > LONGEST_PAUSE:  # is told as a jump, or is no flight
+        return []
+    return [f'{topic}: covers {first:.2f} to {last:.2f} s, and the recording {begin:.2f} to '
+            f'{end:.2f} s: was the logging cut short?'
+            for topic, (first, last) in spans.items()
+            if last - first < COVERED * (end - begin)]
 
 
 def _apart(bag: Bag) -> list[str]:

@@ -126,6 +126,10 @@ def late(table):
     table[G + A] = table[G + A].shift(100).bfill()
 
 
+def short(table):
+    table.loc[1600:, G + A] = np.nan
+
+
 def dead(table):
     table[G] = 0.0
 
@@ -166,6 +170,7 @@ def askew(table):
     (frozen, 'imu/data_raw: it repeats one value from 15.00 to 18.00 s, while optitrack/pose mo'),
     (rested, 'imu/data_raw: it repeats one value from 15.00 to 18.00 s, while optitrack/pose mo'),
     (late, 'imu/data_raw and optitrack/pose: the attitude is 1.00 s early against the gyro'),
+    (short, 'imu/data_raw: covers 0.00 to 15.99 s, and the recording 0.00 to 26.7'),
     (dead, 'imu/data_raw: the gyro shows 0 along x throughout: that axis is dead'),
     (half, 'imu/data_raw and optitrack/pose: roll rate: the gyro turns by 0.1'),
     (fast, 'onboard/odom: x of the velocity is 1.32 times what x of the position changes by'),
