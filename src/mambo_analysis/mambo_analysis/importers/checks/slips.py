@@ -59,5 +59,5 @@ def describe(name: str, times: Floats, position: Floats) -> list[str]:
         return []
     at, length = max(found, key=lambda one: one[1])
     return [f'{name}: the position moves by {length:.3f} m from one frame to the next at t = '
-            f'{at:.2f} s and stays there: did a marker slip, or was the tracker set anew? Cut the '
-            'recording there']
+            f'{at:.2f} s and stays there: did a marker slip, was the tracker set anew, or did it '
+            'repeat its last pose before? Cut the recording there']

@@ -359,7 +359,8 @@ def test_a_tracked_position_that_slips_is_told(tmp_path):
             out.publish('optitrack/pose', 10_000_000 * k, 'map', pose=pose)
     assert bag_doubts.doubts(read_bag(tmp_path / 'bag', namespace='/mambo')) == [
         'optitrack/pose: the position moves by 0.040 m from one frame to the next at t = 2.00 s '
-        'and stays there: did a marker slip, or was the tracker set anew? Cut the recording there']
+        'and stays there: did a marker slip, was the tracker set anew, or did it repeat its last '
+        'pose before? Cut the recording there']
 
 
 def test_a_jump_of_the_clock_is_told_and_costs_no_memory(tmp_path):
