@@ -205,6 +205,15 @@ def _weighted(
     return theta, float(rest @ rest) / (len(X) - 2) * np.linalg.inv(slope.T @ slope)
 
 
+def weighed(found: Thrust) -> str:
+    """Return in words that readings are weighed by the error of the scale; empty: not."""
+    if not found.scale_error:
+        return ''
+    return (f'repeated readings scatter by {found.scale_error:.2g} N whatever the thrust, as by '
+            'the scale: the power law is that of the largest likelihood, not of least squares on '
+            'logarithms (4.6), where small thrusts would count too much')
+
+
 def uneven(X: Floats, T: Floats, found: Thrust) -> str:
     """Return in words that a fit on logarithms misses small thrusts; empty: it does not."""
     rest = np.log(T) - np.log(found.a.value) - found.b.value * np.log(X)
@@ -298,11 +307,7 @@ def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> result.
         'b minus that of the thesis': found.b.value - THESIS[1],
         f'thrust over that of the thesis at {middle:.0f}': share}
     notes = ['a and b belong together: neither is known as well as their map']
-    if found.scale_error:
-        notes.append(
-            f'repeated readings scatter by {found.scale_error:.2g} N whatever the thrust, as by '
-            'the scale: the power law is that of the largest likelihood, not of least squares on '
-            'logarithms (4.6), where small thrusts would count too much')
+    notes += filter(None, [weighed(found)])
     for left, why in ((pwm <= 0.0, 'a command of 0 or below: the motor stands'),
                       (pwm > options.max_pwm, f'a command above --max-pwm {options.max_pwm:g}')):
         notes += [f'{left.sum()} of {len(pwm)} readings are left out, as they have {why}'
