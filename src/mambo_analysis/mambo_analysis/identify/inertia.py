@@ -122,7 +122,7 @@ def _refuse_clipped(t: Floats, rate: Floats, frequency: float) -> None:
         edges = np.flatnonzero(np.diff(np.concatenate([[False], rate == end, [False]])))
         k = int(np.argmax(edges[1::2] - edges[::2]))
         first, stop = edges[2 * k], edges[2 * k + 1]
-        top = 2.0 * np.sqrt(2.0 * step / np.ptp(rate / 2.0)) / frequency
+        top = 2.0 * np.sqrt(2.0 * step / (0.5 * np.ptp(rate))) / frequency
         if stop - first > FLAT * (top / np.median(np.diff(t)) + 3.0):
             raise IdentifyError(
                 f'{stop - first} samples from {t[first]:.4g} s on stand at {end:.4g} rad/s: the '
