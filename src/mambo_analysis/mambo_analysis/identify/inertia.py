@@ -33,6 +33,8 @@ EXPLAINED = 0.5      # least part of the power of the gyro that a swing of (4.2)
 OTHER_UNIT = 2.0     # [-] unexplained variance in the unit given over that in the other, at least:
                      # a large swing is slower, and slows less as it decays, than a small one
 FLAT = 2.0           # times as long as the top of a swing in numbers of its resolution
+LIKE = 3.0           # [-] radius of gyration over that of the base; 47 mm about z of a Mambo
+HEAVY = 10.0         # [-] mass over that of the base
 COHERENT = 0.01      # of the rate: a coloured residual beyond is an error of the model
 NAMES = ('frequency', 'quadratic damping', 'linear damping', 'first angle', 'first rate')
 AXES = ('x', 'y', 'z')
@@ -280,6 +282,7 @@ def _report(options: argparse.Namespace, t: Floats, rate: Floats, found: Inertia
         source = (f'{name} by {options.rig} pendulum, {options.file.name}, 95 %: '
                   f'{found.J.low:.4g} to {found.J.high:.4g}; others as {base.name}')
         changed = {'inertia': (tuple(moments), source)}
+        notes += _unlike(options, found.J.value, base)
         if not (options.separation_error or options.length_error or options.mass_error):
             notes.append(
                 'the interval holds no error of the geometry: 1 % of D is 2 % of J, 1 % of h or '
@@ -288,6 +291,19 @@ def _report(options: argparse.Namespace, t: Floats, rate: Floats, found: Inertia
         f'swing about body {options.axis} of {options.file.name}', values, facts, notes, changed,
         _draw(t, rate, found))
     return report if base is None else based(report, base)
+
+
+def _unlike(options: argparse.Namespace, J: float, base: Base) -> list[str]:
+    """Return a note if size or mass are not those of a vehicle like the base."""
+    vehicle = base.vehicle
+    own = float(np.sqrt(vehicle.inertia[AXES.index(options.axis)] / vehicle.mass))
+    radius, mass = float(np.sqrt(J / options.mass)), options.mass / vehicle.mass
+    if not 1.0 / LIKE < radius / own < LIKE:
+        return [f'the radius of gyration is {1e3 * radius:.3g} mm, {radius / own:.3g} times that '
+                f'of {base.name}: check --separation, --length and --base']
+    if not 1.0 / HEAVY < mass < HEAVY:
+        return [f'the mass is {mass:.3g} times that of {base.name}: check --mass and --base']
+    return []
 
 
 def _data(options: argparse.Namespace) -> tuple[Floats, Floats]:

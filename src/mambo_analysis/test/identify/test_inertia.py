@@ -100,6 +100,21 @@ def test_a_coarse_gyro_is_not_at_its_limit(step, noise):
     assert fit_swing(T, rough, RIG).J.value == pytest.approx(7.75e-5, rel=2e-3)
 
 
+@pytest.mark.parametrize('change, said', [
+    ({}, ''),
+    ({'separation': 10.0, 'length': 50.0}, 'the radius of gyration is 338 mm, 7.19 times'),
+    ({'separation': 0.03}, 'the radius of gyration is 10.1 mm, 0.216 times that of identified'),
+    ({'mass': 0.9}, 'the mass is 13.2 times that of identified: check --mass')])
+def test_a_rig_in_another_unit_is_told(tmp_path, capsys, change, said):
+    np.savetxt(tmp_path / 'swing.csv', np.stack([T, swing(7.75e-5)], axis=1), header='t,gyro.z',
+               delimiter=',', comments='')
+    rig = {'mass': RIG.mass, 'separation': RIG.separation, 'length': RIG.length} | change
+    assert main([str(tmp_path / 'swing.csv'), '--axis', 'z', *(
+        f'--{name}={value}' for name, value in rig.items())]) == 0
+    out = capsys.readouterr().out
+    assert said in out and (said or 'check --' not in out)
+
+
 def test_a_jump_of_the_clock_is_refused():
     jumped = np.where(T > 10.0, T + 1.0, T)
     with pytest.raises(IdentifyError, match='no sample from 10 to 11.01 s'):
