@@ -13,7 +13,9 @@ the collection restarts. If it does not rest within ``patience``, the filters st
 defaults; the tilt is then unknown and no controller takes off.
 
 After the alignment the vehicle is assumed to be at rest on the floor until motion is detected. Its
-velocity is zero, which keeps the filters from drifting while they wait.
+velocity is zero, which keeps the filters from drifting while they wait. It is at rest again when
+the same test of its samples says so where the sonar shows the floor and the estimate is low: the
+vibration of running motors is no rest.
 """
 
 from __future__ import annotations
@@ -112,6 +114,13 @@ class Alignment(NamedTuple):
     accel_off: Vec3    # (3,) m/s^2, smoothed distance from the mean
 
 
+class Landing(NamedTuple):
+    """Memory of a vehicle that flies: whether it has come to rest on the floor."""
+
+    rest: Alignment    # samples since it is low and still
+    near: bool         # the last range was shorter than the sonar can measure
+
+
 class Level(NamedTuple):
     """Tilt and bias derived from the mean specific force at rest."""
 
@@ -124,6 +133,9 @@ ZERO: Vec3 = (0.0, 0.0, 0.0)
 EMPTY = Alignment(
     0, ZERO, ZERO, ZERO, ZERO, 0.0, Noise(0.0, 0.0), Sample(ZERO, ZERO), Sample(ZERO, ZERO), 0.0,
     ZERO, ZERO, ZERO)
+FLYING = Landing(EMPTY, False)
+LOW = 0.15       # m, height by an estimate of a vehicle that may stand on the floor
+SLOW = 0.15      # m/s, vertical velocity likewise
 BLOCK = 10       # samples: 50 ms
 UNLIKELY = 10.3  # chi squared with three degrees of freedom over 3 exceeds it once in 10^6 blocks
 TILTED = 0.01    # share of the starts that are not on a level floor: judgement
@@ -332,9 +344,58 @@ def collect(
 @jit
 def fall_back(m: Alignment, v: AlignmentValues) -> Alignment:
     """Return the memory of an alignment that failed: the accelerometer bias of the parameters."""
+    return with_bias(m, v.accel_bias)
+
+
+@jit
+def with_bias(m: Alignment, accel_bias: Vec3) -> Alignment:
+    """Return the memory with another accelerometer bias, (3,) m/s^2, body FRD."""
     return Alignment(
         m.count, m.first_gyro, m.first_accel, m.gyro, m.accel, m.spread, m.noise, m.last,
-        m.block, m.waited, v.accel_bias, ZERO, ZERO)
+        m.block, m.waited, accel_bias, ZERO, ZERO)
+
+
+@jit
+def settle(
+    m: Landing, sonar: float, min_range: float, height: float, climb: float, gyro: Vec3,
+    accel: Vec3, dt: float, gravity: float, v: AlignmentValues,
+) -> tuple[Landing, bool]:
+    """
+    Tell whether a vehicle that has flown is at rest on the floor.
+
+    Parameters
+    ----------
+    m
+        Memory, at first ``FLYING``.
+    sonar : m
+        New range, NaN: none.
+    min_range : m
+        Of the sonar; a shorter reading shows that the floor is near.
+    height, climb : m, m/s
+        By the filter.
+    gyro : (3,) rad/s, body FRD
+    accel : (3,) m/s^2, body FRD
+        Specific force; NaN: none that was measured.
+    dt : s
+    gravity : m/s^2
+    v
+        Limits.
+
+    Returns
+    -------
+    m
+        To be passed to the next call; at rest, with the means of the samples.
+    resting
+        For as long as the alignment takes.
+
+    """
+    near = sonar < min_range if math.isfinite(sonar) else m.near
+    if not (near and height < LOW and abs(climb) < SLOW and math.isfinite(accel[0])):
+        return Landing(EMPTY, near), False
+    rest, verdict = collect(m.rest, gyro, accel, dt, gravity, v)
+    if verdict == MOVED:
+        return Landing(EMPTY, near), False
+    return Landing(rest, near), verdict == ALIGNED
 
 
 @jit

@@ -35,7 +35,7 @@ from mambo_model.schema import group
 from mambo_model.values import values_type
 
 from . import alignment, altitude, attitude, gate, health, velocity
-from .alignment import Alignment, AlignmentParams, AlignmentValues
+from .alignment import Alignment, AlignmentParams, AlignmentValues, FLYING, Landing
 from .altitude import Altitude, AltitudeParams
 from .attitude import Attitude, AttitudeParams, AttitudeValues
 from .blocks import Matrix3, Vec2
@@ -89,8 +89,9 @@ class Memory(NamedTuple):
     """Memory of the estimator between steps."""
 
     aligning: bool       # still collecting samples at rest
-    resting: bool        # aligned, and not moved since
+    resting: bool        # on the floor: aligned and not moved since, or landed
     alignment: Alignment  # what they have shown
+    landing: Landing     # whether it has come to rest again
     attitude: Attitude   # attitude filter
     altitude: Altitude   # altitude filter
     velocity: Velocity   # velocity filter
@@ -112,6 +113,7 @@ class Results(NamedTuple):
 
 NOTHING = Results(altitude.NOT_COMPARED, velocity.NOT_COMPARED, altitude.NOT_COMPARED)
 ZERO: Vec3 = (0.0, 0.0, 0.0)
+NOWHERE: Vec3 = (math.nan, math.nan, math.nan)
 NONE2: Vec2 = (math.nan, math.nan)
 
 
@@ -127,7 +129,7 @@ def initial(values: EstimatorValues) -> Memory:
     vertical, horizontal = v.altitude.initial_velocity_std, v.velocity.initial_velocity_std
     hidden = v.alignment.accel_bias_std / v.gravity
     return Memory(
-        True, False, alignment.EMPTY,
+        True, False, alignment.EMPTY, FLYING,
         attitude.start(
             IDENTITY, v.alignment.gyro_bias, tilt * tilt, bias * bias, hidden, v.attitude),
         altitude.start(vertical * vertical, v.altitude.initial_accel_bias_std, v.altitude),
@@ -155,7 +157,7 @@ def _align(m: Memory, gyro: Vec3, accel: Vec3, dt: float, v: EstimatorValues) ->
         alt = altitude.start(still, v.altitude.accel_bias_std, v.altitude)
         vel = velocity.start(still, v.velocity.accel_bias_std, v.velocity)
     return Memory(
-        verdict == alignment.COLLECTING, verdict == alignment.ALIGNED, rest, att, alt, vel,
+        verdict == alignment.COLLECTING, verdict == alignment.ALIGNED, rest, FLYING, att, alt, vel,
         m.gates, m.counts, gyro, accel, rotate(att.q, sub(accel, rest.accel_bias)), m.sensors)
 
 
@@ -192,6 +194,29 @@ def _rest(
         return m, True, altitude.hold_still(alt, still), velocity.hold_still(vel, still)
     left = v.leave_velocity_std * v.leave_velocity_std
     return m, False, altitude.widen(alt, left, 0.0), velocity.widen(vel, left)
+
+
+@jit
+def _land(
+    m: Memory, rest: Alignment, resting: bool, alt: Altitude, sonar: float, gyro: Vec3,
+    accel: Vec3, dt: float, held: bool, v: EstimatorValues,
+) -> tuple[Alignment, Landing, bool]:
+    """
+    Begin to rest on the floor after a flight, or end that rest where the sonar shows a height.
+
+    Return the means at rest with the bias found before, the memory of the landing, and whether it
+    rests.
+    """
+    if resting:
+        risen = m.landing.near and math.isfinite(sonar) and sonar >= v.sonar.min_range
+        return rest, FLYING if risen else m.landing, not risen
+    landing, settled = alignment.settle(
+        m.landing, sonar, v.sonar.min_range, alt.height, alt.velocity, gyro,
+        NOWHERE if held else accel, dt, v.gravity, v.alignment)
+    if not settled:
+        return rest, landing, False
+    return (alignment.with_bias(landing.rest, rest.accel_bias),
+            Landing(alignment.EMPTY, True), True)
 
 
 @jit
@@ -278,8 +303,10 @@ def _run(
             att, alt, vel, flow_gate, flow, quality, gyro, v)
         flow_age = 0.0 if seen.used else flow_age
     att = _end_unaided(att, resting, v.gravity, v.attitude)
+    rest, landing, resting = _land(
+        m, rest, resting, alt, sonar, gyro, accel, dt, held[0] or held[1], v)
     return Memory(
-        False, resting, rest, att, alt, vel, Gates(sonar_gate, flow_gate, barometer_gate),
+        False, resting, rest, landing, att, alt, vel, Gates(sonar_gate, flow_gate, barometer_gate),
         Counts(counts.invalid, counts.equal, sonar_age, flow_age), gyro, accel,
         force, m.sensors), Results(ranged, seen, weighed)
 
@@ -385,15 +412,15 @@ def _with_counts(m: Memory, invalid: int, equal: int) -> Memory:
     counts = Counts(
         m.counts.invalid + invalid, equal, m.counts.sonar_age, m.counts.flow_age)
     return Memory(
-        m.aligning, m.resting, m.alignment, m.attitude, m.altitude, m.velocity, m.gates, counts,
-        m.gyro, m.accel, m.force, m.sensors)
+        m.aligning, m.resting, m.alignment, m.landing, m.attitude, m.altitude, m.velocity,
+        m.gates, counts, m.gyro, m.accel, m.force, m.sensors)
 
 
 @jit
 def _with_sensors(m: Memory, sensors: Sensors) -> Memory:
     return Memory(
-        m.aligning, m.resting, m.alignment, m.attitude, m.altitude, m.velocity, m.gates, m.counts,
-        m.gyro, m.accel, m.force, sensors)
+        m.aligning, m.resting, m.alignment, m.landing, m.attitude, m.altitude, m.velocity,
+        m.gates, m.counts, m.gyro, m.accel, m.force, sensors)
 
 
 @jit

@@ -181,3 +181,42 @@ def test_rest_lasts_through_noise_and_ends_with_movement():
             break
     # 0.5 m/s^2 smoothed over 0.1 s passes 0.15 m/s^2 after 0.1 ln(0.5 / 0.35) = 0.036 s
     assert 4 <= k <= 10
+
+
+def settled(accel, gyro=None, sonar=0.44, height=0.05, climb=0.0):
+    """Return after how many samples a vehicle that has flown rests; 0: it does not."""
+    m, v = alignment.FLYING, AlignmentParams().values()
+    gyro = np.zeros_like(accel) if gyro is None else gyro
+    for k, (g, a) in enumerate(zip(gyro, accel, strict=True)):
+        m, resting = alignment.settle(
+            m, sonar if k % 8 == 0 else np.nan, 0.46, height, climb, tuple(g), tuple(a), DT, G, v)
+        if resting:
+            return k + 1
+    return 0
+
+
+def still(n, noise=0.05, seed=0):
+    return np.array([0.1, -0.05, -G]) + noise * np.random.default_rng(seed).standard_normal((n, 3))
+
+
+def test_a_vehicle_that_has_landed_rests_after_as_long_as_an_alignment():
+    assert all(settled(still(400, seed=seed)) == 100 for seed in range(20))
+    moving = still(400)
+    moving[:150] += 1.5 * np.random.default_rng(1).standard_normal((150, 3))
+    assert 250 <= settled(moving) <= 270
+
+
+@pytest.mark.parametrize('change', [
+    {'sonar': 0.5}, {'height': 0.2}, {'climb': -0.3}, {'sonar': np.nan}])
+def test_what_is_not_low_does_not_rest(change):
+    assert settled(still(400), **change) == 0
+
+
+def test_running_motors_and_a_body_that_turns_are_no_rest():
+    rng = np.random.default_rng(3)
+    assert settled(still(2000) + [0.8, 0.8, 0.9] * rng.standard_normal((2000, 3))) == 0
+    turning = np.zeros((2000, 3))
+    turning[:, 1] = 0.2 * np.sin(np.arange(2000) * DT * 4.0)
+    assert settled(still(2000), turning) == 0
+    assert settled(np.full((400, 3), np.nan)) == 0  # none was measured
+    assert settled(still(400) * [1.0, 1.0, 0.5]) == 0  # it falls

@@ -261,8 +261,8 @@ def step(
     turn_covariance(turned, -c.anchor.yaw)
     there = in_odom(state_of(x, m.gyro, m.shake.velocity, m.aligning), c.anchor)
     after = joint.Memory(
-        m.aligning, m.resting, m.alignment, x, P, m.ring, m.at, m.has_pressure, m.window, m.shake,
-        m.noise, m.gates, m.counts, m.gyro, m.accel, m.sensors)
+        m.aligning, m.resting, m.alignment, m.landing, x, P, m.ring, m.at, m.has_pressure,
+        m.window, m.shake, m.noise, m.gates, m.counts, m.gyro, m.accel, m.sensors)
     return AidedMemory(after, c), Estimate(
         there, pose_covariance(turned),
         twist_covariance(P, x, m.sensors, left(m.shake, m.sensors.accel, dt),

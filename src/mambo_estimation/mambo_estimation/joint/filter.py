@@ -28,7 +28,7 @@ import numpy as np
 
 from . import drag, lost_force
 from .. import alignment, gate, health
-from ..alignment import Alignment
+from ..alignment import Alignment, FLYING, Landing
 from ..blocks import Vec2
 from ..estimate import count_broken, Estimate, status_of
 from ..health import Five, observe_all, Sensors
@@ -43,18 +43,20 @@ from .joint_parameters import JointValues
 from .propagation import bridge, predict, wander
 from .start import aligned, unaligned
 from .state import Array, forget_heading, Nominal, VELOCITY
-from .update import Noise, use_drag, use_flow, use_pressure, use_range
+from .update import Noise, use_drag, use_flow, use_pressure, use_range, use_rest
 from .vibration import CALM, left, shaken, variance, Vibration
 
 ZERO: Vec3 = (0.0, 0.0, 0.0)
+NOWHERE: Vec3 = (math.nan, math.nan, math.nan)
 
 
 class Memory(NamedTuple):
     """Memory of the filter between steps."""
 
     aligning: bool
-    resting: bool        # aligned, and not moved since
+    resting: bool        # on the floor: aligned and not moved since, or landed
     alignment: Alignment
+    landing: Landing
     x: Nominal
     P: Array             # (23, 23) covariance of the error state
     ring: Array          # (RING, 7) gyro, force and dt of the last steps
@@ -80,7 +82,8 @@ def initial(v: JointValues) -> Memory:
     x, P = unaligned(alignment.EMPTY, v)
     sonar, flow, air = v.sonar.noise, v.optical_flow.noise, v.barometer.noise
     return Memory(
-        True, False, alignment.EMPTY, x, P, np.zeros((RING, 7)), 0, False, drag.EMPTY, CALM,
+        True, False, alignment.EMPTY, FLYING, x, P, np.zeros((RING, 7)), 0, False, drag.EMPTY,
+        CALM,
         Noise(sonar * sonar, flow * flow, air * air), Gates(gate.OPEN, gate.OPEN, gate.OPEN),
         Counts(0, 0, math.inf, math.inf), ZERO, (0.0, 0.0, -v.gravity), health.START)
 
@@ -96,8 +99,9 @@ def _align(m: Memory, gyro: Vec3, accel: Vec3, dt: float, v: JointValues) -> Mem
     if verdict == alignment.ALIGNED:
         x, P = aligned(rest, v)
     return Memory(
-        verdict == alignment.COLLECTING, verdict == alignment.ALIGNED, rest, x, P, m.ring, m.at,
-        m.has_pressure, m.window, m.shake, m.noise, m.gates, m.counts, gyro, accel, m.sensors)
+        verdict == alignment.COLLECTING, verdict == alignment.ALIGNED, rest, FLYING, x, P, m.ring,
+        m.at, m.has_pressure, m.window, m.shake, m.noise, m.gates, m.counts, gyro, accel,
+        m.sensors)
 
 
 @jit
@@ -166,6 +170,31 @@ def _bounded(x: Nominal, v: JointValues) -> Nominal:
 
 
 @jit
+def _land(
+    m: Memory, rest: Alignment, resting: bool, x: Nominal, P: Array, sonar: float, gyro: Vec3,
+    accel: Vec3, dt: float, held: tuple[float, float], v: JointValues,
+) -> tuple[Alignment, Landing, bool, Nominal]:
+    """
+    Begin to rest on the floor after a flight, or end that rest where the sonar shows a height.
+
+    Its velocity is then a measurement, zero; its height is as well known as a floor is flat.
+    Return the means at rest, the memory of the landing, whether it rests, and the state; ``P``
+    changes in place.
+    """
+    if resting:
+        risen = m.landing.near and math.isfinite(sonar) and sonar >= v.sonar.min_range
+        return rest, FLYING if risen else m.landing, not risen, x
+    measured = held[0] == 0.0 and held[1] == 0.0
+    landing, settled = alignment.settle(
+        m.landing, sonar, v.sonar.min_range, -x.p[2], -x.v[2], gyro,
+        accel if measured else NOWHERE, dt, v.gravity, v.alignment)
+    if not settled:
+        return rest, landing, False, x
+    x = use_rest(x, P, v)
+    return landing.rest, Landing(alignment.EMPTY, True), True, x
+
+
+@jit
 def _run(
     m: Memory, counts: Counts, dt: float, gyro: Vec3, accel: Vec3, held: tuple[float, float],
     trusted: float, sonar: float, flow: Vec2, quality: int, pressure: float, v: JointValues,
@@ -200,8 +229,11 @@ def _run(
             x, P, ring, at, flow_gate, flow, quality, noise,
             variance(m.sensors.accel, dt), v)
         flow_age = 0.0 if seen.used else flow_age
+    rest, landing, resting, x = _land(
+        m, rest, resting, x, P, sonar, gyro, accel, dt, held, v)
+    window = drag.EMPTY if resting else window
     return Memory(
-        False, resting, rest, x, P, ring, at, has_pressure, window, shake, noise,
+        False, resting, rest, landing, x, P, ring, at, has_pressure, window, shake, noise,
         Gates(sonar_gate, flow_gate, barometer_gate),
         Counts(counts.invalid, counts.equal, sonar_age, flow_age), gyro, accel,
         m.sensors), Results(ranged, seen, weighed)
@@ -278,15 +310,15 @@ def _with_counts(m: Memory, invalid: int, equal: int) -> Memory:
     """Return the memory with more invalid samples."""
     counts = Counts(m.counts.invalid + invalid, equal, m.counts.sonar_age, m.counts.flow_age)
     return Memory(
-        m.aligning, m.resting, m.alignment, m.x, m.P, m.ring, m.at, m.has_pressure, m.window,
-        m.shake, m.noise, m.gates, counts, m.gyro, m.accel, m.sensors)
+        m.aligning, m.resting, m.alignment, m.landing, m.x, m.P, m.ring, m.at, m.has_pressure,
+        m.window, m.shake, m.noise, m.gates, counts, m.gyro, m.accel, m.sensors)
 
 
 @jit
 def _with_sensors(m: Memory, sensors: Sensors) -> Memory:
     return Memory(
-        m.aligning, m.resting, m.alignment, m.x, m.P, m.ring, m.at, m.has_pressure, m.window,
-        m.shake, m.noise, m.gates, m.counts, m.gyro, m.accel, sensors)
+        m.aligning, m.resting, m.alignment, m.landing, m.x, m.P, m.ring, m.at, m.has_pressure,
+        m.window, m.shake, m.noise, m.gates, m.counts, m.gyro, m.accel, sensors)
 
 
 @jit

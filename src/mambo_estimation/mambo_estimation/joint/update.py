@@ -23,6 +23,7 @@ from .state import (
 
 Z_POSITION, Z_VELOCITY, Z_BIAS = 2, VELOCITY + 2, ACCEL_BIAS + 2
 NEAR = Result((math.nan, math.nan), math.nan, True)
+FLOOR = 0.05     # m, how well the height is known of a vehicle that has landed: judgement
 WEIGHT = 0.01    # of one sample in the variance that is found of a sensor
 QUIETEST = 0.25  # lower limit of an estimated variance, as a share of the parameter
 
@@ -112,6 +113,22 @@ def _lose_height(P: Array, squared: float, v: JointValues) -> None:
     forget(P, Z_POSITION, P[Z_POSITION, Z_POSITION] + squared)
     forget(P, Z_VELOCITY, P[Z_VELOCITY, Z_VELOCITY] + speed * speed + squared / (time * time))
     forget(P, Z_BIAS, v.alignment.accel_bias_std * v.alignment.accel_bias_std)
+
+
+@jit
+def use_rest(x: Nominal, P: Array, v: JointValues) -> Nominal:
+    """Correct with the rest on a floor after a flight: velocity 0; the covariance in place."""
+    h, column, d = np.empty(SIZE), np.empty(SIZE), np.zeros(SIZE)
+    still = v.alignment.rest_velocity_std * v.alignment.rest_velocity_std
+    for i in range(3):
+        h[:] = 0.0
+        h[VELOCITY + i] = 1.0
+        d[:] = 0.0
+        explained = covariance_with(P, h, column)
+        correct(P, column, -x.v[i], explained + still, d)
+        x = inject(x, d)
+    P[Z_POSITION, Z_POSITION] = max(P[Z_POSITION, Z_POSITION], FLOOR * FLOOR)
+    return x
 
 
 @jit
