@@ -137,6 +137,7 @@ FLYING = Landing(EMPTY, False)
 LOW = 0.15       # m, height by an estimate of a vehicle that may stand on the floor
 SLOW = 0.15      # m/s, vertical velocity likewise
 BLOCK = 10       # samples: 50 ms
+STUCK = 0.03     # rad/s, bias of a gyro that is not known, as initial_gyro_bias_std
 UNLIKELY = 10.3  # chi squared with three degrees of freedom over 3 exceeds it once in 10^6 blocks
 TILTED = 0.01    # share of the starts that are not on a level floor: judgement
 STEEPER = 10.0   # deviation of their tilt over that of a reading on a level floor: 0.3 rad
@@ -227,7 +228,13 @@ def tilted_probability(mean: Vec3, gravity: float, v: AlignmentValues) -> float:
 
 @jit
 def gyro_bias_variance(m: Alignment, v: AlignmentValues) -> float:
-    """Return the variance of a mean of the gyro, rad^2/s^2 each axis, from the samples' spread."""
+    """
+    Return the variance of a mean of the gyro, rad^2/s^2 each axis, from the samples' spread.
+
+    A gyro without any noise, beside an accelerometer with noise, is stuck: its mean is no bias.
+    """
+    if m.spread == 0.0 and m.noise.accel > 0.0:
+        return STUCK * STUCK
     off = sub(m.gyro, m.first_gyro)
     spread = max(m.spread / m.count - dot(off, off), 0.0) / 3.0
     return spread / m.count + v.gyro_bias_floor * v.gyro_bias_floor

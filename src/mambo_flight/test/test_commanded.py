@@ -212,3 +212,17 @@ def test_a_vehicle_that_has_waited_on_the_floor_takes_off_again(estimator, contr
         assert np.ptp(lost, axis=0).max() < 0.02  # the barometer moves the height a little
         assert np.abs(lost).max() < 0.2
         assert (np.abs(lost) < 4.0 * np.sqrt(r.pose_variance[waits][:, :3])).all()
+
+
+@pytest.mark.parametrize('estimator', ['joint', 'kalman'])
+def test_a_gyro_that_was_stuck_while_it_aligned_is_no_danger(estimator):
+    """Its 100 equal samples were taken for an exact bias: flights ended up to 80 m away."""
+    for seed in range(1, 5):
+        plain = scenario(duration=15.0, land=False, seed=seed, estimator=estimator)
+        fault = 'sim_node.simulator.faults.gyro'
+        r = closed_loop.fly(override(plain, {
+            f'{fault}.kind': 'stuck', f'{fault}.start': 0.0, f'{fault}.duration': 0.5,
+            'reference_node.commands.enabled': True,
+            'reference_node.commands.script': '- {time: 1.0, takeoff: {height: 1.5}}'}))
+        assert not r.reason.any()
+        assert np.abs(r.truth[:, :3] - r.reference[:, :3]).max() < 0.5
