@@ -9,7 +9,6 @@ from mambo_model.compiled import Held, hold, hold_again, jit
 from mambo_model.motion import flight_command as fc
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.flight_command import FlightCommand
-from mambo_model.motion.quaternion import Quat
 from mambo_ros import diagnostics, input_guard, messages, node, process, topics
 from mambo_ros.commands import joy_message, table
 from mambo_ros.commands.command_message import encode
@@ -93,7 +92,7 @@ class ReferenceNode(node.MamboNode[ReferenceNodeParams]):
         self.accept(topics.SETPOINT, messages.decode_setpoint,
                     lambda t, ref, frame: setpoints.take(t, ref), now=clock, ahead=_AHEAD,
                     check=partial(_check_setpoint, odom))
-        self.accept(topics.MOTOR_PWM, messages.decode_motor_pwm, self._on_pwm, prompt=False,
+        self.accept(topics.MOTOR_PWM, messages.decode_motor_state, self._on_pwm, prompt=False,
                     now=clock, ahead=STEP_NS)
         made = {
             table.TAKEOFF: lambda r: FlightCommand(
@@ -106,8 +105,8 @@ class ReferenceNode(node.MamboNode[ReferenceNodeParams]):
             (service, lambda request, make=make: self._answer(make(request)))
             for service, make in made.items()))
 
-    def _on_pwm(self, t: int, pwm: Quat, shutdown: bool) -> None:
-        self._commander.shut_down = shutdown
+    def _on_pwm(self, t: int, shutdown: bool, reason: int) -> None:
+        self._commander.shut_down, self._commander.failing = shutdown, reason != 0
 
     def _answer(self, command: FlightCommand) -> tuple[bool, str]:
         """Carry out the command of a service; return success and message of its response."""

@@ -261,6 +261,12 @@ def decode_motor_pwm(data: bytes) -> tuple[int, Quat, bool]:
     return _stamp(n), n[2:6], n[6]
 
 
+def decode_motor_state(data: bytes) -> tuple[int, bool, int]:
+    """Return (stamp ns, shutdown flag, why the controller does not fly as planned; 0: it does)."""
+    n = _PWM.unpack(data)
+    return _stamp(n), n[6], n[7]
+
+
 def estimator_state(t: int, status: int, height: float, vertical_velocity: float,
                     gyro_bias: Vec3, accel_bias: Vec3, barometer_offset: float,
                     sonar: tuple[float, float], flow: tuple[float, float, float],

@@ -205,21 +205,23 @@ def run(sim: Any, loop: Any) -> int:
     log.info(f'flying in {p.mode} mode')  # the first line takes ten times as long as a step
     end = round(p.duration * 1e9) if p.duration else None
     began = logged = time.monotonic()
+    zero = began  # when the flight would have begun at the present speed, for the pace
     sim.start()
     lockstep, speed = p.mode == 'lockstep', p.speed
     while not loop.stopping:
-        began += wait_while_paused(sim, loop)
+        rested = wait_while_paused(sim, loop)
+        began, zero = began + rested, zero + rested
         if loop.stopping:
             break
         sim.sense()
         if sim.params.speed != speed:  # changed in flight: what is flown stays where it was
-            began += sim.t * 1e-9 * (1.0 / speed - 1.0 / sim.params.speed)
+            zero += sim.t * 1e-9 * (1.0 / speed - 1.0 / sim.params.speed)
             speed = sim.params.speed
         if lockstep:
             if not wait_for_answer(sim, loop):
                 break
         else:
-            wait_for_deadline(sim, loop, began + (sim.t + STEP_NS) * 1e-9 / speed)
+            wait_for_deadline(sim, loop, zero + (sim.t + STEP_NS) * 1e-9 / speed)
         now = time.monotonic()
         if now - logged > 1.0:
             logged = now
@@ -229,8 +231,8 @@ def run(sim: Any, loop: Any) -> int:
                 sim.give_up()
             break
         sim.advance()
-    took = time.monotonic() - began
-    late = took - (sim.t + STEP_NS) * 1e-9 / speed
+    now = time.monotonic()
+    took, late = now - began, now - zero - (sim.t + STEP_NS) * 1e-9 / speed
     if not lockstep and not sim.delays.count:
         log.warning('no motor command came: is a controller running in this domain and namespace?')
     if not lockstep and late > LATE * took:

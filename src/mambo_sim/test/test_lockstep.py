@@ -148,7 +148,8 @@ def test_an_answer_just_in_time_is_not_late(clock):
     assert sim.missed == 0
 
 
-def test_a_speed_that_changes_in_flight_counts_from_then_on(clock):
+def test_a_speed_that_changes_in_flight_counts_from_then_on(clock, caplog):
+    caplog.set_level('INFO')
     sim = Sim(mode='realtime', duration=2.0)
     sense = sim.sense
 
@@ -160,6 +161,8 @@ def test_a_speed_that_changes_in_flight_counts_from_then_on(clock):
     sim.sense = faster
     assert lockstep.run(sim, Loop(sim, clock)) == 0 and sim.missed == 0
     assert clock.now - 100.0 == pytest.approx(1.0 + 1.0 / 4.0, abs=2 * PERIOD)
+    said = next(record.message for record in caplog.records if 'of wall time' in record.message)
+    assert float(said.split(' s in ')[1].split()[0]) == pytest.approx(1.25, abs=2 * PERIOD)
 
 
 def test_a_step_that_began_late_leaves_its_period_for_the_answer(clock):

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 from collections import Counter, deque
 
-from mambo_model.motion.flight_command import FlightCommand, NAMES
+from mambo_model.motion.flight_command import FlightCommand, NAMES, TAKEOFF
 from mambo_model.vehicle.parameters import Vehicle
 
 from . import script, timeline
 from .command_params import CommandParams
 
 SHUT_DOWN = 'the controller has shut the motors down: start another flight'
+FAILING = ('the failsafe of the controller flies, not the reference: the reason in motor_pwm '
+           'says why')
 
 
 class Commander:
@@ -40,6 +42,9 @@ class Commander:
     shut_down : bool
         Whether the controller has shut the motors down, which it does for good: commands that
         come are refused.
+    failing : bool
+        Whether its failsafe flies, which a landing of it does for good: likewise, but for a
+        take-off from the floor.
 
     """
 
@@ -49,7 +54,7 @@ class Commander:
         self.timeline = timeline.initial()
         self.t = -1
         self.refused: Counter[str] = Counter()
-        self.shut_down = False
+        self.shut_down = self.failing = False
 
     @property
     def next_step(self) -> int:
@@ -69,9 +74,9 @@ class Commander:
 
         """
         command = command._replace(t=self.next_step)
-        if self.shut_down:
+        if self.shut_down or self.failing and command.kind != TAKEOFF:
             self.refused[NAMES[command.kind]] += 1
-            return command, SHUT_DOWN
+            return command, SHUT_DOWN if self.shut_down else FAILING
         return self._take(command)
 
     def advance(self, t: int) -> list[tuple[FlightCommand, str]]:

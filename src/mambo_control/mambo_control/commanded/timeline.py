@@ -36,6 +36,7 @@ TOUCHDOWN = 0.1  # m, highest reference at which the motors may stop
 ALIGNING = 0.5  # s from the start, in which the vehicle rests and the estimator aligns
 _LONGER = 1.4  # factor by which a duration that is not given grows until the limits allow it
 _TRIES = 8
+_SOON = 5.0  # s, in which a path may end by itself where a stop or a landing does not fit
 _JOINED = 1e-6  # m, rad and their derivatives, by which the ends of a course may miss
 _STREAM_TRIES = 5  # of a kind that comes many times a second
 _PHASES = ('on the floor', 'taking off', 'flying', 'landing', 'on the floor')
@@ -44,6 +45,10 @@ Way = tuple[list[Segment], Array]  # the way, and the point of rest behind it, (
 
 class Refused(InputError):
     """A command cannot be carried out; the text is the reason."""
+
+
+class _Beyond(Refused):
+    """Its path exceeds a limit, however long it takes."""
 
 
 class Timeline(NamedTuple):
@@ -109,10 +114,35 @@ def step(
         if waits and command.kind in (fc.LAND, fc.STOP):  # gives the take-off up
             return _joined(timeline, command, [], state[:, 0], GROUND), ''
         segments, end = _plan(command, state, phase, p, vehicle)
+    except _Beyond as error:
+        later = _at_its_end(timeline, command, t, p, vehicle)
+        return (timeline, str(error)) if later is None else (later, '')
     except (Refused, ParameterError) as error:
         return timeline, str(error)
     last = LANDED if segments and segments[-1].phase == LANDING else TRACK
     return _joined(timeline, command, segments, end, last), ''
+
+
+def _at_its_end(
+    timeline: Timeline, c: FlightCommand, t: float, p: CommandParams, vehicle: Vehicle,
+) -> Timeline | None:
+    """
+    Return the timeline with a stop or a landing where its path comes to rest by itself.
+
+    Near its end, or near a limit, a path may have no other way to rest within the limits. None:
+    it does not end soon, or the command is another one.
+    """
+    end, phase = state_of(timeline, timeline.until)
+    if c.kind not in (fc.STOP, fc.LAND) or phase != TRACK or not (
+            0.0 < timeline.until - t <= _SOON):
+        return None
+    if c.kind == fc.STOP:
+        return timeline._replace(last=c.t, streamed=False)
+    for attempt in range(_TRIES):
+        way, down = _descent(end[:, 0], c.height, c.duration, p, _LONGER ** attempt)
+        if not beyond(way, down, -end[2, 0], p, vehicle):
+            return _joined(timeline, c, way, down, LANDED, timeline.until)
+    return None
 
 
 def fold(
@@ -138,9 +168,10 @@ def fold(
 
 def _joined(
     timeline: Timeline, command: FlightCommand, segments: list[Segment], end: Array, last: int,
+    at: float | None = None,
 ) -> Timeline:
-    """Return the timeline with a path, and rest in a phase, in place of all after its command."""
-    t = command.t * 1e-9
+    """Return the timeline with a path and rest in place of all after its command, or a time, s."""
+    t = command.t * 1e-9 if at is None else at
     kept = sum(begin < t for begin in timeline.begin)
     begins, coefficients, phases = [], [], []
     for segment in (*segments, rest(end, last)):
@@ -208,7 +239,7 @@ def _plan(
         if not reason:
             return [*before, *way], end
         first = first or reason
-    raise Refused(first)
+    raise _Beyond(first)
 
 
 _HOVERS = (fc.GO_TO, fc.FOLLOW)

@@ -2,7 +2,7 @@
 
 from mambo_control.commanded import timeline as tl
 from mambo_control.commanded.command_params import CommandParams
-from mambo_control.commanded.commander import Commander, SHUT_DOWN
+from mambo_control.commanded.commander import Commander, FAILING, SHUT_DOWN
 from mambo_model.motion import flight_command as fc
 from mambo_model.motion.flight_command import FlightCommand
 from mambo_model.vehicle.parameters import Vehicle
@@ -45,6 +45,18 @@ def test_what_comes_after_a_shutdown_is_refused_and_the_script_goes_on():
     assert commander.refused == {'takeoff': 1} and commander.timeline is before
     # as a flight in one process, which does not hear of it, makes the same reference
     assert [reason for _, reason in commander.advance(20_000_000)] == ['']
+
+
+def test_while_a_failsafe_flies_commands_are_refused_but_a_takeoff():
+    commander = Commander(CommandParams(), V)
+    commander.failing = True
+    assert commander.give(FlightCommand(0, fc.TAKEOFF, height=1.0))[1] == ''
+    for kind in (fc.GO_TO, fc.LAND, fc.STOP):
+        before = commander.timeline
+        assert commander.give(FlightCommand(0, kind))[1] == FAILING
+        assert commander.timeline is before
+    commander.failing = False
+    assert commander.give(FlightCommand(0, fc.LAND))[1] == ''
 
 
 def test_the_accepted_commands_make_the_same_reference_again():

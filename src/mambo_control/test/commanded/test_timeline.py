@@ -303,3 +303,37 @@ def test_a_duration_that_is_not_given_keeps_the_limits_and_uses_them():
 def test_a_script_that_is_refused_names_the_command_and_its_time():
     with pytest.raises(ParameterError, match=r'^land at t = 3 s: the vehicle is on the floor'):
         tl.fold(script.parse('- {time: 3, land: {}}'), P, V)
+
+
+EDGES = {
+    'ceiling': (FlightCommand(S, fc.TAKEOFF, height=3.0),),
+    'nearly the ceiling': (FlightCommand(S, fc.TAKEOFF, height=2.9),),
+    'edge': (UP, FlightCommand(5 * S, fc.GO_TO, position=(5.0, -5.0, -3.0))),
+    'along the ceiling': (FlightCommand(S, fc.TAKEOFF, height=3.0), FlightCommand(
+        8 * S, fc.GO_TO, position=(3.0, 2.0, -3.0))),
+    'lowest': (UP, FlightCommand(5 * S, fc.GO_TO, position=(1.0, 0.0, -0.5)))}
+
+
+@pytest.mark.parametrize('kind', [fc.STOP, fc.LAND])
+@pytest.mark.parametrize('commands', EDGES.values(), ids=EDGES)
+def test_near_every_limit_a_vehicle_may_stop_and_land(commands, kind):
+    line = flown(*commands)
+    for t in np.arange(commands[-1].t + S // 50, round(line.until * S), S // 25).tolist():
+        after, reason = tl.step(line, FlightCommand(t, kind), P, V)
+        assert not reason, f'{t * 1e-9:.2f} s: {reason}'
+        times = np.arange(t * 1e-9, after.until + 1.0, 0.02)
+        path = np.array([tl.state_of(after, x)[0] for x in times])
+        assert np.abs(np.diff(path[:, :3, 0], axis=0)).max() < 0.02 * (P.speed + 0.01)
+        assert (-path[:, 2, 0]).max() < P.ceiling + 1e-5
+        assert np.abs(path[:, :2, 0]).max() < 5.0 + 1e-5
+        assert tl.state_of(after, after.until + 1.0)[1] == (TRACK if kind == fc.STOP else LANDED)
+        before = tl.state_of(line, t * 1e-9 - 1e-9)[0]
+        np.testing.assert_allclose(path[0][:, :4], before[:, :4], atol=1e-6)
+
+
+def test_a_stop_that_fits_is_not_put_off():
+    line = flown(UP, FlightCommand(5 * S, fc.GO_TO, position=(4.0, 0.0, -1.2)))
+    after, _ = tl.step(line, FlightCommand(round(5.8 * S), fc.STOP), P, V)
+    assert after.until < line.until and tl.state_of(after, 20.0)[0][0, 0] < 2.0
+    far = refused(flown(UP), FlightCommand(6 * S, fc.GO_TO, position=(9.0, 0.0, -1.0)))
+    assert 'leaves the volume' in far
