@@ -38,6 +38,7 @@ Floats = NDArray[np.float64]
 
 LAWS = ('constant', 'linear', 'exponential')
 WINDOW = 0.12          # s, of positions for a velocity: leaves 3e-4 of a motion of 2 rad/s
+TURNING = 1.3  # [-] residual without a share of the rotation over that with it, that is told
 LEAST = 100            # samples of the flow
 LOWEST = 0.4           # m, no flow below (sec. 5.2)
 SPREAD = 0.2           # m, of the heights for a slope
@@ -378,6 +379,10 @@ def _report(path: Path, data: Samples, leak: bool, slowest: float) -> result.Rep
     notes += doubts
     if leak:
         values['share of the rotation'] = found[best].leak
+        notes.append('the share of the rotation is that in the flow as measured; the leakage of a '
+                     'simulated flow, and that of mambo identify drift, is Q times it')
+    else:
+        notes += filter(None, [_turning(data, best, found[best], slowest)])
     facts = {
         'law of the estimator': best, 'samples': len(data.t),
         'heights [m]': f'{data.height.min():.2f} .. {data.height.max():.2f}',
@@ -386,6 +391,20 @@ def _report(path: Path, data: Samples, leak: bool, slowest: float) -> result.Rep
     return result.Report(
         f'flow factor of {path.name}', values, facts, notes, {}, _draw(data, found),
         {'estimator.yaml': _estimator_file(found, best)})
+
+
+def _turning(data: Samples, law: str, found: Factor, slowest: float) -> str:
+    """Return in words that the rotation explains much of what a law leaves; empty: it does not."""
+    try:
+        other = fit_factor(data, law, True, slowest)
+    except IdentifyError:  # the flight turns too little to show it
+        return ''
+    share = other.leak
+    if share is None or found.fit.rms < TURNING * other.fit.rms or share.low <= 0.0 <= share.high:
+        return ''
+    return (f'the flow follows the rotation, too: with a share of {share.value:.2g} of it the '
+            f'residual is {other.fit.rms:.2g} instead of {found.fit.rms:.2g} rad/s, and Q '
+            f'{other.offset.value:.3g}: the intervals above do not hold; give --leak')
 
 
 def parser() -> Parser:

@@ -189,7 +189,7 @@ class _Rows:
         if before.any():
             self.notes.append(f'{name}: {int(before.sum())} rows before the first time left out')
             usable &= ~before
-        if name in extrapolated.NOISY or name in extrapolated.WITH_THEM and self._continued:
+        if name in (*extrapolated.NOISY, *extrapolated.WITH_THEM) and self._continued < np.inf:
             self._extrapolated(name, values, usable)
         fields = _FIELDS[name](self, topic, found, usable, out)
         frame = {'optitrack/pose': 'map', 'onboard/odom': 'odom', 'onboard/reference': 'odom',
@@ -204,21 +204,24 @@ class _Rows:
                 for key, one in self.mapping.topics[name].quantities.items()}
 
     @cached_property
-    def _continued(self) -> bool:
-        """Return whether a topic with noise ends in a straight line."""
+    def _continued(self) -> float:
+        """Return when the last value of a topic with noise was measured that ends in a line, s."""
+        ends = [np.inf]
         for name in extrapolated.NOISY:
             if name in self.mapping.topics:
                 t = self.times[name]
                 values = np.concatenate(list(self._found(name).values()), axis=1)
                 good = np.isfinite(values).all(axis=1) & (np.diff(t, prepend=-np.inf) > 0.0)
-                if extrapolated.begin(t[good], values[good]) is not None:
-                    return True
-        return False
+                last = extrapolated.begin(t[good], values[good])
+                ends.append(np.inf if last is None else float(t[good][last]))
+        return min(ends)
 
     def _extrapolated(self, name: str, values: Floats, usable: NDArray[np.bool_]) -> None:
         """Leave out the end of a topic, (n, k), that was not measured, and note it."""
         rows, t = np.flatnonzero(usable), self.times[name]
         last = extrapolated.begin(t[rows], values[rows])
+        if last is None:
+            last = extrapolated.begin_since(t[rows], values[rows], self._continued)
         if last is None:
             return
         end = rows[last + 1:]

@@ -21,6 +21,7 @@ import warnings
 from mambo_model import limits
 from mambo_model.errors import MamboError
 
+LONGEST, MOST = 120, 1000  # characters of a reason by a reader, and of one of our own
 _COPIES = 1.75  # of the most that may be unpacked: below 1 GB in all, unless the file is large
 _FORK = multiprocessing.get_context('fork')
 
@@ -98,5 +99,8 @@ def _work(function: Callable[[Path], Any], path: Path, send: Connection) -> None
         send.send((None, UnreadableError(
             f'byte {error.start} is no text in UTF-8: save it in this encoding')))
     except Exception as error:  # readers of damaged bytes raise anything
-        reason = ' '.join(str(error).split())[:120] or 'its content is damaged'
+        reason = ' '.join(str(error).split()) or 'its content is damaged'
+        if not isinstance(error, ValueError):  # those of our own are long, if they list names
+            reason = reason[:LONGEST]
+        reason = reason[:MOST]
         send.send((None, UnreadableError(reason)))

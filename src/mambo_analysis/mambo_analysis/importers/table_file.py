@@ -97,6 +97,10 @@ def _parquet(path: Path, wanted: list[str]) -> Read:
 
 def _csv(path: Path, wanted: list[str], delimiter: str) -> Read:
     """Return the wanted columns of a CSV file; in a process of its own."""
+    with path.open('rb') as file:
+        if re.match(rb'(\xef\xbb\xbf)?\s*[{\[]\s*["{\[]', file.read(1000)):
+            raise ValueError('it is JSON, no table: a log of a Crazyflie client is for mambo '
+                             'import crazyflie')
     options: dict[str, Any] = {
         'sep': delimiter, 'skipinitialspace': True, 'encoding': 'utf-8-sig'}
     try:

@@ -275,9 +275,12 @@ def identify(
     if flight.has_flow:
         notes.append('it has optical flow: mambo identify flow gives its factor')
     notes.append(f'per mass; thrust and tilt hold at {found.model.voltage:.2f} V'
-                 if np.isfinite(found.model.voltage) else 'no battery voltage in the recording')
+                 if np.isfinite(found.model.voltage) else
+                 'no battery voltage in the recording: exponent, motor lag and inertia hold only '
+                 'if it did not sag')
     notes += [*command_notes(path.name, hover.value, start),
-              *lag_notes(path.name, found.model.lag, start), *reading_notes(flight)]
+              *(lag_notes(path.name, found.model.lag, start)
+                if 'motor lag' in values else []), *reading_notes(flight)]
     angles = np.degrees(flight.mounting[:2])
     facts = {'time in the air [s]': float(flight.t[flight.air][-1] - flight.t[flight.air][0]),
              'mass [kg], not identified': start.mass,

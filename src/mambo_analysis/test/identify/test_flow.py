@@ -94,6 +94,9 @@ def test_rotation_left_in_the_flow_is_told_from_the_motion():
     assert found.slope.low <= 0.07 <= found.slope.high
     assert found.fit.rms < fit_factor(leaky, 'linear').fit.rms
     assert fit_factor(data).leak is None
+    said = flow._turning(leaky, 'linear', fit_factor(leaky, 'linear'), flow.SLOWEST)
+    assert 'the flow follows the rotation, too' in said and 'give --leak' in said
+    assert flow._turning(data, 'linear', fit_factor(data, 'linear'), flow.SLOWEST) == ''
 
 
 @pytest.mark.long

@@ -58,6 +58,8 @@ def test_wanted_columns_come_as_numbers_and_others_by_name(tmp_path, suffix):
     ('sep=;\nt,x\n0,1\n', "remove the first line, 'sep=;', which only Excel reads"),
     ('# a log, of mine\n# x in m\nt,x\n0,1\n', "line 1 is a comment, '# a log,of mine': the "
      'first line must be the names of the columns, without a #'),
+    ('{"drone": {"acc.x": [1, 2]}}\n', 'it is JSON, no table: a log of a Crazyflie client is for'),
+    ('\n[[1, 2], [3, 4]]', 'it is JSON, no table'),
     ('# t,x\n0,1\n', "line 1 is a comment, '# t,x': the first line must be the names"),
     ('t,x\n\n0,1\n \n"0\n",1\n\n0.2,z\n', "line 8, column x: 'z' is not a number"),
     ('t,x\r\n\r\n0,1\r\n\r\n0.2,z\r\n', "line 5, column x: 'z' is not a number"),

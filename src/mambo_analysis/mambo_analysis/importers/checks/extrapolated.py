@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 NOISY = ('imu/data_raw', 'onboard/odom')
 """Topics of what is measured or estimated with noise. Poses of a simulated capture have none."""
-WITH_THEM = ('motor_pwm', 'battery')
+WITH_THEM = ('motor_pwm', 'battery', 'onboard/reference')
 """Topics that end so only together with one of those: a command may be a ramp."""
 LEAST = 20  # values that no sensor gives on a straight line, and lines before it
 LONGER = 1.5  # [-] times the longest other line, which interpolation makes
@@ -59,6 +59,20 @@ def begin(t: Floats, values: Floats) -> int | None:
             if after - before >= least and table.moves(before, after):
                 return None
     return first
+
+
+def begin_since(t: Floats, values: Floats, since: float) -> int | None:
+    """
+    Return the same for a table of which another topic was extrapolated since a time, s.
+
+    Any line from there to the end counts, also a level one, and one that is no longer than others.
+    """
+    if len(t) <= LEAST:
+        return None
+    last = int(np.searchsorted(t, since, 'right')) - 1
+    length = _Table(t, values).reach(len(t), -1, LEAST)
+    first = max(len(t) - length, last, 0)
+    return first if length and len(t) - 1 - first >= LEAST else None
 
 
 class _Table:

@@ -117,3 +117,17 @@ def test_columns_that_bend_at_other_times_are_lines_between_all_of_them():
 def test_a_simulation_without_noise_has_none():
     assert extrapolated.begin(T, np.arange(400.0)[:, None] * [1.0, 2.0, 3.0]) is None
     assert extrapolated.begin(T, continued(NOISE, 5)) is None
+
+
+def test_beside_another_topic_that_was_continued_any_line_counts():
+    level = NOISE.copy()
+    level[200:] = level[200]
+    assert extrapolated.begin_since(T, level, T[250]) == 250
+    assert extrapolated.begin_since(T, level, T[150]) == 200
+    assert extrapolated.begin_since(T, level, T[390]) is None  # nine rows
+    assert extrapolated.begin_since(T, NOISE, T[250]) is None
+    knots = np.interp(np.arange(400), [0, 100, 200, 340, 400], [0.0, 3.0, -1.0, 2.0, 5.0])
+    line = np.column_stack([knots, 2.0 * knots, -knots])
+    assert extrapolated.begin(T, line) is None  # no longer than the pieces before
+    assert extrapolated.begin_since(T, line, T[341]) == 341
+    assert extrapolated.begin_since(T[:15], line[:15], T[3]) is None
