@@ -138,8 +138,10 @@ def _at_its_end(
         return None
     if c.kind == fc.STOP:
         return timeline._replace(last=c.t, streamed=False)
-    for attempt in range(_TRIES):
-        way, down = _descent(end[:, 0], c.height, c.duration, p, _LONGER ** attempt)
+    longer = 1.0
+    for _ in range(_TRIES):
+        way, down = _descent(end[:, 0], c.height, c.duration, p, longer)
+        longer *= _LONGER
         if not beyond(way, down, -end[2, 0], p, vehicle):
             return _joined(timeline, c, way, down, LANDED, timeline.until)
     return None
