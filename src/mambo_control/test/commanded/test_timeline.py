@@ -337,3 +337,15 @@ def test_a_stop_that_fits_is_not_put_off():
     assert after.until < line.until and tl.state_of(after, 20.0)[0][0, 0] < 2.0
     far = refused(flown(UP), FlightCommand(6 * S, fc.GO_TO, position=(9.0, 0.0, -1.0)))
     assert 'leaves the volume' in far
+
+
+@pytest.mark.parametrize('height, duration', [(1.0, 8.5), (1.0, 110.0), (3.0, 20.0)])
+def test_a_takeoff_or_landing_that_lingers_near_the_floor_is_refused(height, duration):
+    """The sonar is blind there: of 1 m in 30 s a flight ended or was half a metre off."""
+    start = FlightCommand(S, fc.TAKEOFF, height=height)
+    assert 'below the lowest flight, 0.5 m, for' in refused(
+        tl.initial(), start._replace(duration=duration))
+    line = flown(start)
+    assert 'limit 4 s: give a shorter duration' in refused(
+        line, FlightCommand(20 * S, fc.LAND, duration=duration))
+    assert flown(start._replace(duration=6.0), FlightCommand(20 * S, fc.LAND, duration=6.0))
