@@ -124,4 +124,4 @@ def test_a_folder_of_other_bags_is_refused(flown, tmp_path, capsys):
     assert fly.main(['--trajectory', 'hover', '--duration', '0.1', '--no-landing', '-o',
                      str(folder / 'alone')]) == 0
     assert compare.main([str(folder)]) == 2
-    assert 'give those of 2 to 32 drones' in capsys.readouterr().err
+    assert 'give a folder with the bags of 2 to 32 drones' in capsys.readouterr().err
