@@ -78,7 +78,6 @@ class _Output:
         except OSError as error:
             raise _OutputError(error) from None
 
-
     def _discard(self) -> None:
         self.lost = True
         _discard(self._stream)

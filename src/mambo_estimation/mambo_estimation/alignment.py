@@ -134,6 +134,7 @@ EMPTY = Alignment(
     0, ZERO, ZERO, ZERO, ZERO, 0.0, Noise(0.0, 0.0), Sample(ZERO, ZERO), Sample(ZERO, ZERO), 0.0,
     ZERO, ZERO, ZERO)
 FLYING = Landing(EMPTY, False)
+UNKNOWN: Vec3 = (math.nan, math.nan, math.nan)
 LOW = 0.15       # m, height by an estimate of a vehicle that may stand on the floor
 SLOW = 0.15      # m/s, vertical velocity likewise
 BLOCK = 10       # samples: 50 ms
@@ -403,6 +404,45 @@ def settle(
     if verdict == MOVED:
         return Landing(EMPTY, near), False
     return Landing(rest, near), verdict == ALIGNED
+
+
+@jit
+def land(
+    m: Landing, rest: Alignment, resting: bool, sonar: float, min_range: float, height: float,
+    climb: float, gyro: Vec3, accel: Vec3, measured: bool, dt: float, gravity: float,
+    v: AlignmentValues,
+) -> tuple[Landing, Alignment, bool]:
+    """
+    Begin to rest on the floor after a flight, or end that rest where the sonar shows a height.
+
+    Parameters as of :func:`settle`, and these.
+
+    Parameters
+    ----------
+    rest
+        Means of the last rest.
+    resting
+        Whether it lasts.
+    measured
+        Whether gyro and accelerometer were, or others took their place.
+
+    Returns
+    -------
+    m
+        To be passed to the next call.
+    rest
+        Means of the last rest, with the accelerometer bias of the first one.
+    resting
+
+    """
+    if resting:
+        risen = m.near and math.isfinite(sonar) and sonar >= min_range
+        return FLYING if risen else m, rest, not risen
+    m, settled = settle(
+        m, sonar, min_range, height, climb, gyro, accel if measured else UNKNOWN, dt, gravity, v)
+    if not settled:
+        return m, rest, False
+    return Landing(EMPTY, True), with_bias(m.rest, rest.accel_bias), True
 
 
 @jit

@@ -113,7 +113,6 @@ class Results(NamedTuple):
 
 NOTHING = Results(altitude.NOT_COMPARED, velocity.NOT_COMPARED, altitude.NOT_COMPARED)
 ZERO: Vec3 = (0.0, 0.0, 0.0)
-NOWHERE: Vec3 = (math.nan, math.nan, math.nan)
 NONE2: Vec2 = (math.nan, math.nan)
 
 
@@ -194,29 +193,6 @@ def _rest(
         return m, True, altitude.hold_still(alt, still), velocity.hold_still(vel, still)
     left = v.leave_velocity_std * v.leave_velocity_std
     return m, False, altitude.widen(alt, left, 0.0), velocity.widen(vel, left)
-
-
-@jit
-def _land(
-    m: Memory, rest: Alignment, resting: bool, alt: Altitude, sonar: float, gyro: Vec3,
-    accel: Vec3, dt: float, held: bool, v: EstimatorValues,
-) -> tuple[Alignment, Landing, bool]:
-    """
-    Begin to rest on the floor after a flight, or end that rest where the sonar shows a height.
-
-    Return the means at rest with the bias found before, the memory of the landing, and whether it
-    rests.
-    """
-    if resting:
-        risen = m.landing.near and math.isfinite(sonar) and sonar >= v.sonar.min_range
-        return rest, FLYING if risen else m.landing, not risen
-    landing, settled = alignment.settle(
-        m.landing, sonar, v.sonar.min_range, alt.height, alt.velocity, gyro,
-        NOWHERE if held else accel, dt, v.gravity, v.alignment)
-    if not settled:
-        return rest, landing, False
-    return (alignment.with_bias(landing.rest, rest.accel_bias),
-            Landing(alignment.EMPTY, True), True)
 
 
 @jit
@@ -303,8 +279,9 @@ def _run(
             att, alt, vel, flow_gate, flow, quality, gyro, v)
         flow_age = 0.0 if seen.used else flow_age
     att = _end_unaided(att, resting, v.gravity, v.attitude)
-    rest, landing, resting = _land(
-        m, rest, resting, alt, sonar, gyro, accel, dt, held[0] or held[1], v)
+    landing, rest, resting = alignment.land(
+        m.landing, rest, resting, sonar, v.sonar.min_range, alt.height, alt.velocity, gyro, accel,
+        not (held[0] or held[1]), dt, v.gravity, v.alignment)
     return Memory(
         False, resting, rest, landing, att, alt, vel, Gates(sonar_gate, flow_gate, barometer_gate),
         Counts(counts.invalid, counts.equal, sonar_age, flow_age), gyro, accel,

@@ -15,6 +15,7 @@ from mambo_bags.cli.option_types import real, TIME
 from mambo_bags.command import Parser, refuse_unused
 from mambo_model import palette
 from mambo_model.vehicle import bifilar
+from mambo_signals.resample import longest_run
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
@@ -121,14 +122,13 @@ def _refuse_clipped(t: Floats, rate: Floats, frequency: float) -> None:
     levels = np.unique(rate)
     step = float(np.diff(levels).min())
     for end in (rate.max(), rate.min()):
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], rate == end, [False]])))
-        k = int(np.argmax(edges[1::2] - edges[::2]))
-        first, stop = edges[2 * k], edges[2 * k + 1]
+        flat = longest_run(rate == end)
         top = 2.0 * np.sqrt(2.0 * step / (0.5 * np.ptp(rate))) / frequency
-        if stop - first > FLAT * (top / np.median(np.diff(t)) + 3.0):
+        if flat.stop - flat.start > FLAT * (top / np.median(np.diff(t)) + 3.0):
             raise IdentifyError(
-                f'{stop - first} samples from {t[first]:.4g} s on stand at {end:.4g} rad/s: the '
-                'gyro is at its limit; give --start of a part with smaller swings')
+                f'{flat.stop - flat.start} samples from {t[flat.start]:.4g} s on stand at '
+                f'{end:.4g} rad/s: the gyro is at its limit; give --start of a part '
+                'with smaller swings')
 
 
 def fit_swing(t: Floats, rate: Floats, geometry: Geometry | None = None) -> Inertia:

@@ -99,8 +99,7 @@ def _work(function: Callable[[Path], Any], path: Path, send: Connection) -> None
         send.send((None, UnreadableError(
             f'byte {error.start} is no text in UTF-8: save it in this encoding')))
     except Exception as error:  # readers of damaged bytes raise anything
-        reason = ' '.join(str(error).split()) or 'its content is damaged'
-        if not isinstance(error, ValueError):  # those of our own are long, if they list names
-            reason = reason[:LONGEST]
-        reason = reason[:MOST]
+        # those of our own are long, if they list names
+        most = MOST if isinstance(error, ValueError) else LONGEST
+        reason = ' '.join(str(error).split())[:most] or 'its content is damaged'
         send.send((None, UnreadableError(reason)))

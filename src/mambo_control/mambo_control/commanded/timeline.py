@@ -32,8 +32,11 @@ from .envelope import beyond
 from .maneuvers import (
     at_rest, extrapolated, fly_on, least_duration, move, rest, Segment, SHORTEST, stop, visit)
 
-LINGERS = 4.0  # s below the lowest flight in a climb or descent whose duration is given: of 1 m in
-               # 8 s none was more than 0.29 m off, in 10 s some filters ended the flight
+LINGERS = 4.0
+"""
+Time below the lowest flight, s, of a climb or descent whose duration is given. Of 1 m in 8 s none
+was more than 0.29 m off; of 1 m in 10 s the Kalman filters ended flights.
+"""
 _POINTS = 401  # of a path, to see how long it is low
 TOUCHDOWN = 0.1  # m, highest reference at which the motors may stop
 ALIGNING = 0.5  # s from the start, in which the vehicle rests and the estimator aligns
@@ -115,15 +118,14 @@ def step(
         _check(timeline, command, TAKEOFF if waits else phase, p.longest,
                -state[2, 0] < p.lowest)
         if waits and command.kind in (fc.LAND, fc.STOP):  # gives the take-off up
-            return _joined(timeline, command, [], state[:, 0], GROUND), ''
+            return _joined(timeline, command, [], state[:, 0], phase=GROUND), ''
         segments, end = _plan(command, state, phase, p, vehicle)
     except _Beyond as error:
         later = _at_its_end(timeline, command, t, p, vehicle)
         return (timeline, str(error)) if later is None else (later, '')
     except (Refused, ParameterError) as error:
         return timeline, str(error)
-    last = LANDED if segments and segments[-1].phase == LANDING else TRACK
-    return _joined(timeline, command, segments, end, last), ''
+    return _joined(timeline, command, segments, end), ''
 
 
 def _at_its_end(
@@ -139,15 +141,11 @@ def _at_its_end(
     if c.kind not in (fc.STOP, fc.LAND) or phase != TRACK or not (
             0.0 < timeline.until - t <= _SOON):
         return None
-    if c.kind == fc.STOP:
-        return timeline._replace(last=c.t, streamed=False)
-    longer = 1.0
-    for _ in range(_TRIES):
-        way, down = _descent(end[:, 0], c.height, c.duration, p, longer)
-        longer *= _LONGER
-        if not beyond(way, down, -end[2, 0], p, vehicle):
-            return _joined(timeline, c, way, down, LANDED, timeline.until)
-    return None
+    try:
+        segments, point = _plan(c, end, phase, p, vehicle)
+    except Refused:
+        return None
+    return _joined(timeline, c, segments, point, timeline.until)
 
 
 def fold(
@@ -172,13 +170,18 @@ def fold(
 
 
 def _joined(
-    timeline: Timeline, command: FlightCommand, segments: list[Segment], end: Array, last: int,
-    at: float | None = None,
+    timeline: Timeline, command: FlightCommand, segments: list[Segment], end: Array,
+    at: float | None = None, phase: int = TRACK,
 ) -> Timeline:
-    """Return the timeline with a path and rest in place of all after its command, or a time, s."""
+    """
+    Return the timeline with a path in place of all that comes after its command, or after a time.
+
+    ``at`` is that time, s; ``phase`` that of the rest at the end, unless the path lands.
+    """
     t = command.t * 1e-9 if at is None else at
     kept = sum(begin < t for begin in timeline.begin)
     begins, coefficients, phases = [], [], []
+    last = LANDED if segments and segments[-1].phase == LANDING else phase
     for segment in (*segments, rest(end, last)):
         begins.append(t)
         coefficients.append(_padded(segment.coefficients))

@@ -47,7 +47,6 @@ from .update import Noise, use_drag, use_flow, use_pressure, use_range, use_rest
 from .vibration import CALM, left, shaken, variance, Vibration
 
 ZERO: Vec3 = (0.0, 0.0, 0.0)
-NOWHERE: Vec3 = (math.nan, math.nan, math.nan)
 
 
 class Memory(NamedTuple):
@@ -170,31 +169,6 @@ def _bounded(x: Nominal, v: JointValues) -> Nominal:
 
 
 @jit
-def _land(
-    m: Memory, rest: Alignment, resting: bool, x: Nominal, P: Array, sonar: float, gyro: Vec3,
-    accel: Vec3, dt: float, held: tuple[float, float], v: JointValues,
-) -> tuple[Alignment, Landing, bool, Nominal]:
-    """
-    Begin to rest on the floor after a flight, or end that rest where the sonar shows a height.
-
-    Its velocity is then a measurement, zero; its height is as well known as a floor is flat.
-    Return the means at rest, the memory of the landing, whether it rests, and the state; ``P``
-    changes in place.
-    """
-    if resting:
-        risen = m.landing.near and math.isfinite(sonar) and sonar >= v.sonar.min_range
-        return rest, FLYING if risen else m.landing, not risen, x
-    measured = held[0] == 0.0 and held[1] == 0.0
-    landing, settled = alignment.settle(
-        m.landing, sonar, v.sonar.min_range, -x.p[2], -x.v[2], gyro,
-        accel if measured else NOWHERE, dt, v.gravity, v.alignment)
-    if not settled:
-        return rest, landing, False, x
-    x = use_rest(x, P, v)
-    return landing.rest, Landing(alignment.EMPTY, True), True, x
-
-
-@jit
 def _run(
     m: Memory, counts: Counts, dt: float, gyro: Vec3, accel: Vec3, held: tuple[float, float],
     trusted: float, sonar: float, flow: Vec2, quality: int, pressure: float, v: JointValues,
@@ -229,11 +203,14 @@ def _run(
             x, P, ring, at, flow_gate, flow, quality, noise,
             variance(m.sensors.accel, dt), v)
         flow_age = 0.0 if seen.used else flow_age
-    rest, landing, resting, x = _land(
-        m, rest, resting, x, P, sonar, gyro, accel, dt, held, v)
-    window = drag.EMPTY if resting else window
+    landing, rest, stands = alignment.land(
+        m.landing, rest, resting, sonar, v.sonar.min_range, -x.p[2], -x.v[2], gyro, accel,
+        held[0] == 0.0 and held[1] == 0.0, dt, v.gravity, v.alignment)
+    if stands and not resting:
+        x = use_rest(x, P, v)
+        window = drag.EMPTY
     return Memory(
-        False, resting, rest, landing, x, P, ring, at, has_pressure, window, shake, noise,
+        False, stands, rest, landing, x, P, ring, at, has_pressure, window, shake, noise,
         Gates(sonar_gate, flow_gate, barometer_gate),
         Counts(counts.invalid, counts.equal, sonar_age, flow_age), gyro, accel,
         m.sensors), Results(ranged, seen, weighed)
