@@ -30,7 +30,8 @@ FACTORS_SEPARATE, FACTORS_COMPOSED = {4: 2.0}, {16: 1.0}
 PACE = {'lockstep': 'lockstep', 'realtime': 'real time'}
 NODE = re.compile(r'(\w+) ([\d.]+)')
 FLOWN = re.compile(
-    r'flew (?P<flown>[\d.]+) s in (?P<took>[\d.]+) s of wall time, (?P<missed>\d+) steps')
+    r'flew (?P<flown>[\d.]+) s in (?P<took>[\d.]+) s of wall time, (?P<missed>\d+) steps '
+    r'without their motor command(?:, (?P<late>\d+) waited)?')
 DELAY = re.compile(r'p50 (?P<median>[\d.]+) ms, p99 (?P<p99>[\d.]+) ms, max (?P<most>[\d.]+) ms')
 SPENT = re.compile(r'CPU: [\d.]+ cores: (?P<nodes>.*); memory: (?P<memory>\d+) MB')
 
@@ -95,6 +96,7 @@ def _measure(
     took = max(float(one['took']) for one in flown)
     out = {'factor': float(flown[0]['flown']) / took, 'start': start,
            'missed': sum(float(one['missed']) for one in flown),
+           'late': sum(float(one['late'] or 0) for one in flown),
            'lost': float(sum(map(_lost, (folder / 'flight').rglob('*.mcap')))),
            'memory': max(float(one['memory']) for one in spent), 'memory_all': memory}
     for one, drone in zip(spent, flown):

@@ -126,10 +126,12 @@ def _graph(results: list[Result]) -> str:
         return ''
     text = '## The graph of ROS 2 nodes, every topic recorded\n\n' + markdown(
         ('', 'times real time', 'first second [s]', 'CPU s per s of flight', 'largest node [MB]',
-         'all [MB]', 'messages lost', 'steps missed', 'IMU to PWM: p50, p99, max [ms]'),
+         'all [MB]', 'messages lost', 'steps missed', 'steps that waited',
+         'IMU to PWM: p50, p99, max [ms]'),
         [(r.contender.title, spread(r.values('factor')), spread(r.values('start')),
           number(r.median('cpu')), number(r.median('memory')), number(r.median('memory_all')),
-          number(r.median('lost')), number(r.median('missed')), _delay(r))
+          number(r.median('lost')), number(r.median('missed')),
+          number(r.median('late')), _delay(r))
          for r in rows]) + missing(rows) + (
         '\n\nFirst second: from starting the processes to a closed bag of one second of flight, '
         'compiled code in the cache. The flights of ten minutes are flown once.\n')

@@ -26,6 +26,7 @@ from mambo_model.motion.trajectory import COURSE
 from mambo_model.whole_file import exists, refuse_existing
 from mambo_ros.graph import loopback
 from mambo_ros.topics import NAMESPACE
+from mambo_sim import lockstep
 from mambo_view import page as view
 from mambo_view.page import PORT
 
@@ -286,7 +287,7 @@ def _print_outcome(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:
     what = 'stopped by you after' if outcome.stopped else 'flew'
     if outcome.took:
         print(f'{what} {outcome.flown:.2f} s in {outcome.took:.2f} s of wall time, '
-              f'{outcome.missed} steps without their motor command')
+              f'{lockstep.answers(outcome.missed, outcome.late)}')
     elif outcome.flown or outcome.closed or not outcome.recorded:
         # the simulator was ended before it could say
         print(f'{what} at least {outcome.flown:.2f} s')

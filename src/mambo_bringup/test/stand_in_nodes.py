@@ -21,7 +21,7 @@ FLEW = """
 while len(list(here.parent.glob('*.quiet'))) < OTHERS:
     time.sleep(0.01)
 print('[INFO] [1.0] [mambo.sim_node]: flew 3.000 s in 1.500 s of wall time, '
-      '2 steps without their motor command')
+      '2 steps without their motor command, 3 waited for a late one')
 print('[INFO] [1.0] [mambo.sim_node]: IMU sample to motor command: p50 1.00 ms')
 """.replace('OTHERS', str(len(NODES) - 1))
 COPY = "shutil.copy(sys.argv[-1], f'{here}.yaml')\n"

@@ -6,6 +6,9 @@ If a recording does, the tracker has changed its assignment of markers to points
 the next jump its poses differ from the truth by a constant rotation and translation. The segments
 between jumps are therefore grouped by the sum of the jumps before them. Segments with the same sum
 have the same assignment, and the assignment of most poses is taken for the correct one.
+
+Some drivers give one fixed position, such as 0 0 0, while they do not see the body. It does not
+move with the body, so it is left out before the jumps are added up.
 """
 
 from __future__ import annotations
@@ -23,6 +26,7 @@ SAME_SHIFT = 0.3     # m, tolerance for one assignment: true motion during the j
 MOST = 0.5           # [-] share of jumps or impossible poses above which a recording is unusable
 LEAST_POSES = 10     # in a recording whose share of jumps is judged
 LONG = 2.0           # s of rejected poses on end that are told with their times
+CAUSES = 'mixed-up markers, a fixed position of a body out of sight, or wrong times or units'
 MAX_ASSIGNMENTS = 100  # a tracker has a few; in noise every pose would make another
 
 
@@ -45,6 +49,18 @@ def _jumps(times: Floats, position: Floats, turns: Rotation, apart: int = 1) -> 
     return np.flatnonzero((turned > FASTEST_TURN * steps) | (moved > FASTEST * steps)) + 1
 
 
+def _placeholders(times: Floats, position: Floats, turns: Rotation) -> Bools:
+    """Return which poses repeat one position to the digit between two jumps, (n,)."""
+    out = np.zeros(len(times), bool)
+    if len(times) < 3:
+        return out
+    jumps = np.zeros(len(times) + 1, bool)
+    jumps[_jumps(times, position, turns)] = True
+    for first, end in runs(np.append(False, (np.diff(position, axis=0) == 0.0).all(axis=1))):
+        out[first - 1:end] = jumps[first - 1] and jumps[end]
+    return out
+
+
 def impossible(times: Floats, position: Floats, orientation: Floats) -> Bools:
     """
     Return which poses are impossible.
@@ -61,9 +77,16 @@ def impossible(times: Floats, position: Floats, orientation: Floats) -> Bools:
     (n,) mask; all False for a recording without jumps.
 
     """
+    turns = Rotation.from_quat(orientation)
+    out = _placeholders(times, position, turns)
+    out[~out] = _other_assignments(times[~out], position[~out], turns[~out])
+    return out
+
+
+def _other_assignments(times: Floats, position: Floats, turns: Rotation) -> Bools:
+    """Return which poses have another assignment of the markers than most, (n,)."""
     if len(times) < 3:
         return np.zeros(len(times), bool)
-    turns = Rotation.from_quat(orientation)
     begins = _jumps(times, position, turns)
     lengths = np.diff(np.concatenate([[0], begins, [len(times)]])).astype(int)
     steps, moves = turns[begins - 1].inv() * turns[begins], position[begins] - position[begins - 1]
@@ -119,7 +142,7 @@ def refuse_most(where: str, times: Floats, position: Floats, orientation: Floats
                            'times or units')
     if count > MOST * len(times):
         raise BagError(f'{where}: {count} of {len(times)} poses are impossible, reached '
-                       f'{_limits()}: mixed-up markers, or wrong times or units')
+                       f'{_limits()}: {CAUSES}')
     return wrong
 
 
@@ -130,7 +153,7 @@ def _limits() -> str:
 def describe(name: str, count: int) -> str:
     """Return a line that reports rejected poses."""
     return (f'{name}: {count} impossible pose{"s" * (count != 1)} left out, reached {_limits()}: '
-            'mixed-up markers, or wrong times or units')
+            f'{CAUSES}')
 
 
 def describe_long(name: str, times: Floats, wrong: Bools) -> list[str]:

@@ -25,6 +25,21 @@ def test_poses_that_the_tracker_flips_are_found(flipped):
     assert set(np.flatnonzero(wrong)) == flipped
 
 
+@pytest.mark.parametrize('place', [(0.0, 0.0, 0.0), (-999.0, -999.0, -999.0)])
+def test_a_fixed_position_while_the_body_is_not_seen_is_left_out(place):
+    """The attitude goes on, and the vehicle moves by more than a metre meanwhile."""
+    position, turns = loop(T)[0] + [0.3, -0.2, 1.0], rocking(T).as_quat()
+    wrong = np.zeros(len(T), bool)
+    for begin, end in ((200, 301), (500, 501), (700, 860), (1200, 1480)):
+        wrong[begin:end] = True
+    away = np.linalg.norm(position[860] - position[699])
+    assert away > 3 * outliers.SAME_SHIFT
+    for part in (wrong, wrong | (T < 0.5), wrong | (T >= 14.0)):
+        held = np.where(part[:, None], place, position)
+        np.testing.assert_array_equal(outliers.impossible(T, held, turns), part)
+        assert outliers.refuse_most('a: b', T, held, turns).sum() == part.sum()
+
+
 @pytest.mark.parametrize('seed', range(8))
 def test_random_flips_of_random_length_are_found(seed):
     """A third of the flight seen in two other ways: the way that holds longest is the true one."""

@@ -17,8 +17,7 @@ from .parameters import STEP_NS
 _ASK_AGAIN = 5.0  # s of wall time between log lines that name the missing motor command
 MOST_STEPS = 1_000_000  # of one request, while paused
 SILENT = 200  # steps without any motor command, after which none is waited for
-LOOKED = 1e-3  # s of wall time for which a motor command is awaited at a time
-STILL = 1e-3  # s by which such a wait ends late where every process of the machine stood still
+BEHIND = 0.01  # s of wall time by which a step may end late to get its motor command (judgement)
 LATE = 0.05  # [-] of the wall time that a flight in real time takes longer than asked for
 
 
@@ -135,6 +134,12 @@ def numbers(mode: str, steps: int, missed: int, delays: Delays) -> dict[str, Any
     return out
 
 
+def answers(missed: int, late: int) -> str:
+    """Return in words how many steps were without their motor command, or waited for it."""
+    waited = f', {late} waited for a late one' if late else ''
+    return f'{missed} steps without their motor command{waited}'
+
+
 def wait_for_answer(sim: Any, loop: Any) -> bool:
     """Serve the graph until the step's motor command has arrived (lockstep)."""
     began = logged = time.monotonic()
@@ -156,28 +161,25 @@ def wait_for_deadline(sim: Any, loop: Any, deadline: float) -> None:
     """
     Serve the graph until the wall clock reaches the next step (real time).
 
-    A step that began late, because the machine was busy, still gets its full period for the motor
-    command; after the command has arrived the delay is made up for. So it is at once where no
-    controller has ever answered, ``SILENT`` steps long, or none is awaited any more.
+    A motor command that is late is awaited until the flight is ``BEHIND`` the wall clock: machines
+    stop one or all of their processors for milliseconds. The delay is made up for by the next
+    steps, each as soon as it is answered. A controller that always takes longer than a step
+    therefore uses that time up, and its steps go on without their commands. A step that began
+    late gets its full period in any case.
 
-    A host that takes its processors away for milliseconds stops the controller, too. Such a time,
-    in which this process was not woken, does not count; at most a period of it.
+    None is awaited where no controller has answered for the first ``SILENT`` steps, or where the
+    motors were stopped for lack of commands.
     """
-    overdue = latest = deadline
+    overdue, due = deadline, max(deadline, sim.sensed + STEP_NS * 1e-9 / sim.params.speed)
     if sim.starved < 0 and (sim.delays.count or sim.missed < SILENT):
-        period = STEP_NS * 1e-9 / sim.params.speed
-        overdue = max(deadline, sim.sensed + period)
-        latest = overdue + period
+        overdue = max(deadline + BEHIND, due)
     while not loop.stopping:
-        began = time.monotonic()
-        left = (deadline if sim.answered else overdue) - began
+        left = (deadline if sim.answered else overdue) - time.monotonic()
         if left <= 0.0:
             break
-        asked = left if sim.answered else min(left, LOOKED)
-        loop.once(asked)
-        still = time.monotonic() - began - asked
-        if still > STILL:
-            overdue = min(overdue + still, latest)
+        awaited = not sim.answered
+        loop.once(left)
+        sim.late += awaited and sim.answered and time.monotonic() > due
     if not sim.answered:
         loop.once(0.0)
     if not sim.answered:
@@ -239,7 +241,7 @@ def run(sim: Any, loop: Any) -> int:
         log.warning(f'fell {late:.2f} s behind the wall clock: the controller or the machine is '
                     f'too slow for speed {speed:g}')
     log.info(f'flew {sim.t * 1e-9:.3f} s in {took:.3f} s of wall time, '
-             f'{sim.missed} steps without their motor command')
+             f'{answers(sim.missed, sim.late)}')
     if sim.delays.count:
         delay = ', '.join(f'{name} {value} ms' for name, value in sim.delays.values().items())
         log.info(f'IMU sample to motor command: {delay} of {sim.delays.count} steps')

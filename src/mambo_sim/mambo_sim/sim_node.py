@@ -47,7 +47,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
 
     def __init__(self, **kwargs) -> None:
         super().__init__('sim_node', SimNodeParams, **kwargs)
-        self._tick, self._sensed_t, self.missed = 0, -STEP_NS, 0
+        self._tick, self._sensed_t, self.missed, self.late = 0, -STEP_NS, 0, 0
         self._pwm, self._shutdown, self._answered = _STILL, False, -1
         self._last_command = time.monotonic()  # s of wall time
         self._limit = lockstep.Limit(self)

@@ -27,7 +27,7 @@ class Sim:
 
     def __init__(self, **parameters):
         self.params = SimNodeParams(**parameters)
-        self.t, self.sensed, self.missed, self.senses = 0, 0.0, 0, 0
+        self.t, self.sensed, self.missed, self.late, self.senses = 0, 0.0, 0, 0, 0
         self.starved = -1
         self.answered_to, self.gave_up, self.watched, self.heard = -1, [], [], None
         self.delays, self.log = Delays(), logging.getLogger('test')
@@ -132,20 +132,29 @@ def test_real_time_keeps_pace_with_the_wall_clock(clock, speed, took):
     assert clock.now - 100.0 == pytest.approx(took + PERIOD / speed, abs=1e-6)
 
 
-def test_a_late_answer_is_a_step_without_its_command_and_is_watched(clock):
-    """One answer of forty comes after its step: that step flies on with the command before."""
+def test_an_answer_that_is_too_late_is_missed_and_watched(clock):
+    """One answer of forty does not come in time: that step flies on with the command before."""
     late = 50_000_000
     sim = Sim(mode='realtime', duration=0.2)
-    assert lockstep.run(sim, Loop(sim, clock, lambda t: 0.007 if t == late else 0.001)) == 0
-    assert sim.missed == 1 and [t for t, _ in sim.watched] == [late]
-    assert sim.watched[0][1] == pytest.approx(100.0 + late * 1e-9 + PERIOD, abs=1e-6)
-    assert clock.now - 100.0 == pytest.approx(0.205, abs=1e-6)  # no time was lost by it
+    assert lockstep.run(sim, Loop(sim, clock, lambda t: 0.0151 if t == late else 0.001)) == 0
+    assert sim.missed == 1 and sim.late == 0 and [t for t, _ in sim.watched] == [late]
+    assert sim.watched[0][1] == pytest.approx(
+        100.0 + late * 1e-9 + PERIOD + lockstep.BEHIND, abs=1e-6)
+    assert clock.now - 100.0 == pytest.approx(0.205, abs=1e-6)  # the delay is made up for
 
 
-def test_an_answer_just_in_time_is_not_late(clock):
-    sim = Sim(mode='realtime', duration=0.1)
-    assert lockstep.run(sim, Loop(sim, clock, lambda t: 0.9 * PERIOD)) == 0
-    assert sim.missed == 0
+@pytest.mark.parametrize('speed', [1.0, 2.0])
+@pytest.mark.parametrize(('reply', 'late'), [
+    (0.9 * PERIOD, 0), (0.0051, 1), (0.007, 1), (0.0149, 1)])
+def test_a_late_answer_is_waited_for_and_counted(clock, caplog, speed, reply, late):
+    caplog.set_level('INFO')
+    at = 50_000_000
+    sim = Sim(mode='realtime', duration=0.2, speed=speed)
+    reply -= (PERIOD - PERIOD / speed)
+    assert lockstep.run(sim, Loop(sim, clock, lambda t: reply if t == at else 0.001)) == 0
+    assert sim.missed == 0 and sim.late == late and not sim.watched
+    assert clock.now - 100.0 == pytest.approx((0.2 + PERIOD) / speed, abs=1e-6)  # made up for
+    assert ('steps without their motor command, 1 waited for a late one' in caplog.text) == late
 
 
 def test_a_speed_that_changes_in_flight_counts_from_then_on(clock, caplog):
@@ -176,32 +185,30 @@ def test_a_step_that_began_late_leaves_its_period_for_the_answer(clock):
 
     sim.sense = busy
     assert lockstep.run(sim, loop) == 0
-    assert sim.missed == 0  # though each began after its own deadline
+    assert sim.missed == 0 and sim.late == 0  # though each began after its own deadline
     assert clock.now - 100.0 == pytest.approx(0.105, abs=1e-6)  # and the delay is made up for
 
 
-@pytest.mark.parametrize(('still', 'missed'), [(0.0, 0), (0.004, 0), (0.008, 0), (0.011, 1)])
-def test_a_time_in_which_the_machine_stood_still_does_not_count(clock, still, missed):
-    """The controller takes 2 ms; in one step all processes stop for a while after 1 ms."""
+def test_a_wait_for_the_next_step_that_ends_late_is_no_late_answer(clock):
     sim = Sim(mode='realtime', duration=0.1)
-    loop = Loop(sim, clock, lambda t: 0.002 + still * (t == 50_000_000))
+    loop = Loop(sim, clock)
     once = loop.once
 
-    def stopped(timeout):
-        first = clock.now == sim.sensed
+    def slept(timeout):
+        answered = sim.answered
         once(timeout)
-        clock.now += still * (first and sim.t == 50_000_000)
+        clock.now += 1e-4 * answered  # as long as the machine takes to wake it
 
-    loop.once = stopped
-    assert lockstep.run(sim, loop) == 0
-    assert sim.missed == missed
-    assert clock.now - 100.0 == pytest.approx(0.105, abs=1e-6)  # and the delay is made up for
+    loop.once = slept
+    assert lockstep.run(sim, loop) == 0 and sim.missed == sim.late == 0
 
 
-def test_a_controller_that_is_too_slow_gets_no_more_time(clock):
-    sim = Sim(mode='realtime', duration=0.1)
+def test_a_controller_that_is_too_slow_uses_its_delay_up(clock):
+    """It takes 0.1 ms too long at every step: after 10 ms of delay no step waits any more."""
+    sim = Sim(mode='realtime', duration=1.0)
     assert lockstep.run(sim, Loop(sim, clock, lambda t: 0.0051)) == 0
-    assert sim.missed == 21 and clock.now - 100.0 == pytest.approx(0.105, abs=1e-6)
+    assert sim.late == pytest.approx(100, abs=1) and sim.late + sim.missed == 201
+    assert clock.now - 100.0 == pytest.approx(1.0 + PERIOD + lockstep.BEHIND, abs=1e-3)
 
 
 @pytest.mark.parametrize(('mode', 'speed', 'busy', 'said'), [

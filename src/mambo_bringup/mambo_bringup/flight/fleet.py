@@ -34,13 +34,15 @@ class Fleet:
     ----------
     missed : int
         Steps in which a motor command was missing.
+    late : int
+        Steps that waited for a late one.
     pause : lockstep.Pause
 
     """
 
     def __init__(self, sims: Sequence[SimNode], hall: Hall) -> None:
         self._sims, self._names = sims, list(hall.places)
-        self.missed, self.pause = 0, sims[0].pause
+        self.missed, self.late, self.pause = 0, 0, sims[0].pause
         for sim in sims:
             sim.pause = self.pause  # whoever pauses one pauses all
         self._world = World(hall.params, list(hall.places.values()), [

@@ -17,7 +17,8 @@ from ..processes import FlightError, NodeProcess
 from .nodes import RECORDER
 
 _FLOWN = re.compile(
-    r'flew ([\d.]+) s in ([\d.]+) s of wall time, (\d+) steps without their motor command')
+    r'flew ([\d.]+) s in ([\d.]+) s of wall time, (\d+) steps without their motor command'
+    r'(?:, (\d+) waited for a late one)?')
 _PAUSED = re.compile(r'paused before t = ')
 _DELAY = re.compile(r'IMU sample to motor command: .*')
 _USED = re.compile(r'used ([\d.]+) s of CPU and (\d+) MB')
@@ -53,6 +54,7 @@ class Outcome:
     collisions: list[str] = field(default_factory=list)  # in the hall, one line each
     remarks: list[str] = field(default_factory=list)  # of the simulator, one line each
     dropped: list[str] = field(default_factory=list)  # commands not carried out, one line
+    late: int = 0  # steps that waited for a late motor command
     paused: bool = False  # for a while, which ``took`` leaves out
 
     @property
@@ -93,7 +95,7 @@ class Progress:
     """Progress bar of flight time, updated from the lines that the simulator prints."""
 
     def __init__(self, duration: float, shown: bool = True) -> None:
-        self.flown, self.took, self.missed, self.delay = 0.0, 0.0, 0, ''
+        self.flown, self.took, self.missed, self.late, self.delay = 0.0, 0.0, 0, 0, ''
         self.begun = self.ended = self.paused = False
         self.lines = 0
         self.collisions: list[str] = []
@@ -108,7 +110,8 @@ class Progress:
         self.lines += 1
         self.begun = self.begun or bool(_BEGUN.search(text))
         if found := _FLOWN.search(text):
-            self.flown, self.took, self.missed = float(found[1]), float(found[2]), int(found[3])
+            self.flown, self.took = float(found[1]), float(found[2])
+            self.missed, self.late = int(found[3]), int(found[4] or 0)
             self.ended = True
         elif _PAUSED.search(text):
             self.paused = True

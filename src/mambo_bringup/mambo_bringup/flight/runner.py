@@ -197,4 +197,5 @@ def _outcome(bag: Path, progress: Progress, nodes: list[NodeProcess],
         bag, flown, progress.took, progress.missed, progress.delay,
         group.interrupts.first, used(nodes), refused(nodes), closed, fault,
         recorded=own, whole=flown >= asked, collisions=progress.collisions,
-        remarks=progress.remarks, dropped=dropped(nodes), paused=progress.paused)
+        remarks=progress.remarks, dropped=dropped(nodes), late=progress.late,
+        paused=progress.paused)

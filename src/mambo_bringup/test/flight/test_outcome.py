@@ -16,7 +16,7 @@ def test_what_the_simulator_says_is_the_outcome(graph, tmp_path):
     outcome = fly(short(), tmp_path / 'bag')
     assert (outcome.bag, outcome.flown, outcome.took) == (tmp_path / 'bag', 3.0, 1.5)
     assert outcome.real_time_factor == 2.0 and not outcome.stopped
-    assert outcome.missed == 2
+    assert outcome.missed == 2 and outcome.late == 3
     assert outcome.delay == 'IMU sample to motor command: p50 1.00 ms'
 
 
@@ -27,7 +27,9 @@ def test_many_steps_without_a_command_in_time_are_told_with_what_to_do(graph, tm
                          (601, 'warning: 100% of the steps')):
         outcome.missed = missed
         run._print_outcome(outcome, tmp_path / 'bag', no_report=True)
-        lines = [line for line in capsys.readouterr().out.splitlines() if 'in time' in line]
+        out = capsys.readouterr().out
+        assert f'{missed} steps without their motor command, 3 waited for a late one' in out
+        lines = [line for line in out.splitlines() if 'in time' in line]
         assert bool(lines) == bool(told) and ''.join(lines).startswith(told)
     assert '--speed' in lines[0]
 

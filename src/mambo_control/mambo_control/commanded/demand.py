@@ -45,6 +45,13 @@ class Limit(NamedTuple):
     high: float
 
 
+def told_apart(value: float, limit: float, digits: int = 3) -> str:
+    """Return a number with as many digits, at least those given, as tell it from its limit."""
+    while digits < 17 and f'{value:.{digits}g}' == f'{limit:.{digits}g}':
+        digits += 1
+    return f'{value:.{digits}g}'
+
+
 class Failure(NamedTuple):
     """The first point of a course that exceeds a limit."""
 
@@ -56,7 +63,8 @@ class Failure(NamedTuple):
     def __str__(self) -> str:
         unit = QUANTITIES[self.quantity]
         side = 'below' if self.value < self.limit else 'above'
-        return (f'{self.quantity} {self.value:.4g} {unit} at t = {self.t:.3f} s, {side} the '
+        value = told_apart(self.value, self.limit, 4)
+        return (f'{self.quantity} {value} {unit} at t = {self.t:.3f} s, {side} the '
                 f'limit of {self.limit:.4g} {unit}')
 
 

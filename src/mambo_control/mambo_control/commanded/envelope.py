@@ -11,6 +11,7 @@ import numpy as np
 
 from . import demand as demands
 from .command_params import CommandParams
+from .demand import told_apart
 from .maneuvers import Segment
 
 _ROUNDING = 1e-6  # m, m/s, m/s^2
@@ -28,12 +29,14 @@ def _outside(points: Array, low: float, p: CommandParams) -> str:
             ('x', points[:, 0], p.x_limit), ('y', -points[:, 1], p.y_limit)):
         far = float(value[np.argmax(np.abs(value))])
         if not abs(far) <= limit + _ROUNDING:
-            return f'the path leaves the volume: {name} = {far:.3g} m, limit {limit:g} m'
+            told = told_apart(far, math.copysign(limit, far))
+            return f'the path leaves the volume: {name} = {told} m, limit {limit:g} m'
     high, deep = float(-points[:, 2].min()), float(-points[:, 2].max()) + 0.0
     if not high <= p.ceiling + _ROUNDING:
-        return f'the path is {high:.3g} m high, ceiling {p.ceiling:g} m'
+        return f'the path is {told_apart(high, p.ceiling)} m high, ceiling {p.ceiling:g} m'
     if not deep >= low - _ROUNDING:
-        return f'the path comes down to {deep:.3g} m, lowest flight {p.lowest:g} m'
+        return (f'the path comes down to {told_apart(deep, p.lowest)} m, '
+                f'lowest flight {p.lowest:g} m')
     return ''
 
 
@@ -63,7 +66,7 @@ def beyond(
     segments = [one for one in segments if one.coefficients.shape[1] > 1]  # the others rest
     total = sum(segment.duration for segment in segments)
     if not total <= p.longest:
-        return f'the path takes {total:.3g} s, limit {p.longest:g} s'
+        return f'the path takes {told_apart(total, p.longest)} s, limit {p.longest:g} s'
     for segment in (Segment(0.0, end[:, None], TRACK), *segments):
         landing = segment.phase in (TAKEOFF, LANDING) or segment.duration == 0.0
         low = 0.0 if landing else min(p.lowest, height)
@@ -89,7 +92,8 @@ def _too_fast(segments: list[Segment], p: CommandParams) -> str:
         rate = np.polynomial.polynomial.polyder(segment.coefficients[3])
         fastest = float(np.abs(_samples(segment, rate)).max())
         if not fastest <= p.yaw_rate + _ROUNDING:
-            return f'the path turns at {fastest:.3g} rad/s, limit {p.yaw_rate:g} rad/s'
+            return (f'the path turns at {told_apart(fastest, p.yaw_rate)} rad/s, '
+                    f'limit {p.yaw_rate:g} rad/s')
     return ''
 
 

@@ -13,7 +13,8 @@ from .trajectory import in_flight
 ABOVE = 0.2  # m, height of a reference that a vehicle on the floor does not follow (judgement)
 LOW = 0.05  # m, the same of a vehicle that never rose in its flight
 LONG = 0.3  # s, so long a vehicle follows no reference that leaps up; sound flights: 0.1 s at most
-FAR = 5.0  # m, distance in height at which a vehicle does not follow its reference (judgement)
+FAR = 5.0  # m, distance in height at which a vehicle does not follow its reference, or the height
+#            of the flight if that is less, at least HIGH (judgement)
 HIGH = 1.0  # m, the same above a reference on the floor, which may slope
 AWAY = 2.0  # s, so long it needs for a leap of 10 m with an acceleration of 1 g (judgement)
 
@@ -67,7 +68,8 @@ def height_fault(
             return (f'the vehicle was on the floor from {begin:.2f} to {end:.2f} s, up to '
                     f'{wanted[part].max():.2f} m below its reference')
     off = height - wanted
-    if found := _longest(t, np.where(flown, np.abs(off) > FAR, off > HIGH), AWAY):
+    far = min(max(float(wanted[flown].max(initial=0.0)), HIGH), FAR)
+    if found := _longest(t, np.where(flown, np.abs(off) > far, off > HIGH), AWAY):
         begin, end, part = found
         most = off[part][np.abs(off[part]).argmax()]
         return (f'the vehicle was up to {abs(most):.2f} m {"above" if most > 0.0 else "below"} '

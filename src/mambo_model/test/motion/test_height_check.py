@@ -29,11 +29,16 @@ UP = (0.0, 0.5, 1.0, 1.0, 1.0, 1.0)
      'reference'),
     ((0.0, 0.02, 0.0, 0.0, 0.0, 0.0), (ABOVE,) * 6, FLIGHT, ''),
     ((0.0,) * 6, (0.0,) * 6, (GROUND,) * 6, ''),  # nobody asked it to fly
-    ((0.0, 5.0, 100.0, 300.0, 600.0, 900.0), UP, FLIGHT,  # from 2 s on more than 5 m too high
+    ((0.0, 1.4, 100.0, 300.0, 600.0, 900.0), UP, FLIGHT,  # from 2 s on too high
      'the vehicle was up to 899.00 m above its reference, from 2.00 to 5.00 s'),
     ((0.0, 0.5, 1.0, -6.0, -9.0, -9.0), (0.0, 0.5, 0.2, 0.2, 0.2, 0.2), FLIGHT,  # no floor there
      'the vehicle was up to 9.20 m below its reference, from 3.00 to 5.00 s'),
     ((0.0, 0.5, 1.0, 7.0, 7.0, 1.0), UP, FLIGHT, ''),  # for 1 s
+    ((0.0, 0.5, 2.1, 2.1, 2.1, 1.0), UP, FLIGHT,  # further off than the flight is high
+     'the vehicle was up to 1.10 m above its reference, from 2.00 to 4.00 s'),
+    ((0.0, 0.5, 1.9, 1.9, 1.9, 1.9), UP, FLIGHT, ''),
+    ((0.0, 0.5, 7.9, 7.9, 7.9, 7.9), (0.0, 0.5, 3.0, 3.0, 3.0, 3.0), FLIGHT,
+     'the vehicle was up to 4.90 m above its reference, from 2.00 to 5.00 s'),
     ((0.0, 0.5, 0.0, 3.0, 9.0, 32.0), (0.0, 0.5, 0.0, 0.0, 0.0, 0.0),
      (GROUND, LANDING, LANDED, LANDED, LANDED, LANDED),  # it rises after the landing
      'the vehicle was up to 32.00 m above its reference, from 3.00 to 5.00 s'),
@@ -52,6 +57,6 @@ def test_a_step_of_the_reference_needs_time():
 
 
 def test_without_a_floor_nothing_lies_on_it():
-    low, wanted, phase = np.full(6, -0.5), np.ones(6), np.full(6, TRACK)
+    low, wanted, phase = np.zeros(6), np.ones(6), np.full(6, TRACK)
     assert height_fault(T, low, wanted, phase) and not height_fault(T, low, wanted, phase, False)
     assert 'below its reference' in height_fault(T, low - 5.0, wanted, phase, False)
