@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from . import motion_doubts, plausible, slips, tilts
+from . import motion_doubts, motors, plausible, slips, tilts
 from ..common import NAMESPACE
 
 Floats = NDArray[np.float64]
@@ -34,8 +34,6 @@ TILTED = 0.5  # [rad] of its mean in the world from the vertical; accelerometers
 CLIMB = 0.3  # [m] of the height, between its 5 and 95 %, that a range must show
 REACH = 0.98  # [-] of the largest range, beyond which it may be the end of the reach
 SHOWN = 0.2  # [-] of it that a range shows at least
-LEAST_VOLTS = 2.5  # of a battery in flight; means of 43 flights of NanoBench are 3.2 or more
-SHARES = 1.0  # the largest command of a mapping to shares of the full one
 FARTHEST = 5.0  # [m] median distance of drone and reference
 LONGEST_PAUSE = 600.0  # [s] between two messages
 ENOUGH = 0.005  # [s] between samples of a turning
@@ -88,7 +86,7 @@ def _doubts(bag: Bag) -> list[str]:
         out += _onboard(bag, motions[OWN])
     if len(motions) == 2:
         out += _paths(motions[OWN], motions[TRACKED])
-    return out + _single(bag)
+    return out + motors.battery(bag) + motors.commands(bag) + _single(bag)
 
 
 def _jumps(bag: Bag) -> list[str]:
@@ -420,35 +418,6 @@ def _paths(own: Motion, tracked: Motion) -> list[str]:
 
 
 def _single(bag: Bag) -> list[str]:
-    """Return lines about battery and commands in other units, and topics of one message."""
-    out = []
-    if 'battery' in bag:
-        volts = np.asarray(bag['battery'].voltage, float)
-        volts = volts[np.isfinite(volts)]  # NaN: not measured
-        if len(volts) and (usual := float(np.median(volts))) < LEAST_VOLTS:
-            out.append(f'battery: it has a median of {usual:.3g} V: check its column and unit')
-    if 'motor_pwm' in bag and len(bag['motor_pwm']):
-        commands = np.asarray(bag['motor_pwm'].pwm, float)
-        most, least = float(commands.max()), float(commands.min())
-        if least < 0.0 or most > plausible.LARGEST_PWM:
-            out.append(f'motor_pwm: the commands are {least:.4g} to {most:.4g}, outside of 0 to '
-                       f'{plausible.LARGEST_PWM:g}: check their column and unit')
-        if 0.0 < most <= SHARES:
-            out.append(f'motor_pwm: the commands are up to {most:.3g}: they are shares of the '
-                       'full command, not PWM')
-        elif most == least:
-            out.append(f'motor_pwm: the commands are {most:.4g} throughout: the motors stand, or '
-                       'their commands were not recorded')
-        still = np.ptp(commands, axis=0) == 0.0
-        if still.any() and not still.all():
-            motor = int(np.argmax(still))
-            out.append(f'motor_pwm: motor {motor + 1} has the command {commands[0, motor]:.4g} '
-                       'throughout, while others change: check its column')
-        elif (two := plausible.doubled(commands)) is not None:
-            out.append(f'motor_pwm: motors {two[0] + 1} and {two[1] + 1} have the same commands '
-                       'throughout, the others differ: check their columns')
-        elif (one := plausible.unequal(commands)) is not None:
-            out.append(f'motor_pwm: in flight motor {one[0] + 1} has {one[1]:.2g} times the '
-                       'command of the others (median): check its column and unit')
-    return out + [f'{_short(topic)}: it has one message: nothing can be seen of a motion'
-                  for topic in bag.topics if len(bag[topic]) == 1]
+    """Return lines about topics of one message."""
+    return [f'{_short(topic)}: it has one message: nothing can be seen of a motion'
+            for topic in bag.topics if len(bag[topic]) == 1]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-import math
 
 from mambo_bags.mcap_reader import BagError
 from mambo_signals import frozen, outliers
@@ -30,7 +29,6 @@ FARTHEST_RANGE = 40.0  # [m]; a range in mm that fits in 16 bits is below 32.8 m
 PRESSURES = (3e4, 1.2e5)  # [Pa] from above all mountains to below the sea
 MOST_VOLTS = 100.0  # of a battery; one in mV has thousands
 LARGEST_PWM = 65535.0  # of 16 bits
-UNEQUAL = 2.0  # median command of a motor over that of the others; 1.54 in 139 real recordings
 LEAST_ALIKE = 0.5  # [-] share of a path; of 100 recordings 0.8, but for diverged estimates
 LEAST_WAY = 0.2  # [m] RMS from its middle, of a path that can be compared
 COARSE = 0.003  # [m] between positions; of motion capture 1 mm at most
@@ -493,37 +491,6 @@ def correlations(values: Floats, other: Floats) -> Floats:
     """Return the correlation of each column of values, (n, k), with each of another, (n, m)."""
     x, y = ((a - a.mean(axis=0)) / np.maximum(a.std(axis=0), 1e-12) for a in (values, other))
     return x.T @ y / len(x)
-
-
-def doubled(commands: Floats) -> tuple[int, int] | None:
-    """
-    Return two motors, from 0, with the same commands, (n, 4), where the others differ from all.
-
-    None without, and where two and two are the same: those of a model that moves in a plane.
-    """
-    same = [(a, b) for a in range(4) for b in range(a + 1, 4)
-            if np.array_equal(commands[:, a], commands[:, b])]
-    return same[0] if len(same) == 1 else None
-
-
-def unequal(commands: Floats) -> tuple[int, float] | None:
-    """
-    Return the motor, from 0, whose commands (n, 4) in flight are of another scale, and the factor.
-
-    A vehicle that stays upright needs much the same thrust of all four; see ``UNEQUAL``.
-    """
-    known = np.abs(commands[np.isfinite(commands).all(axis=1)])
-    mean = known.mean(axis=1)
-    flying = known[mean > 0.5 * mean.max(initial=0.0)]
-    if len(flying) < LEAST_ROWS:
-        return None
-    usual = np.median(flying, axis=0)
-    others = [float(np.median(np.delete(usual, motor))) for motor in range(4)]
-    ratios = [own / other if other > 0.0 else math.inf
-              for own, other in zip(usual.tolist(), others, strict=True)]
-    far = [max(ratio, 1.0 / ratio) if ratio > 0.0 else math.inf for ratio in ratios]
-    motor = int(np.argmax(far))
-    return (motor, ratios[motor]) if far[motor] > UNEQUAL else None
 
 
 def other_axis(alike: Floats, own: int, names: Sequence[str]) -> str:

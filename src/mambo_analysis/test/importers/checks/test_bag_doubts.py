@@ -202,65 +202,6 @@ def test_a_flow_of_the_wrong_sign_is_told(tmp_path):
     assert [line[:48] for line in found] == ['optical_flow: rate_x shows the motion along -x (']
 
 
-@pytest.mark.parametrize('pwm, line', [
-    ([0.2, 0.3, 0.4, 0.6], 'motor_pwm: the commands are up to 0.6: they are shares'),
-    ([0.0] * 4, 'motor_pwm: the commands are 0 throughout: the motors stand'),
-    ([300.0, 310.0, 290.0, 305.0], '')])
-def test_commands_in_another_unit_are_told(tmp_path, pwm, line):
-    with BagWriter(tmp_path / 'bag') as writer:
-        out = Publisher(writer, {'motor_pwm': 'mambo_interfaces/msg/MotorPwm'})
-        for k in range(50):
-            out.publish('motor_pwm', 10_000_000 * k, '', pwm=np.array(pwm))
-    found = bag_doubts.doubts(read_bag(tmp_path / 'bag'))
-    assert [text[:len(line)] for text in found] == [line] * bool(line)
-
-
-def test_two_motors_with_the_same_commands_are_told(tmp_path):
-    with BagWriter(tmp_path / 'bag') as writer:
-        out = Publisher(writer, {'motor_pwm': 'mambo_interfaces/msg/MotorPwm'})
-        for k in range(50):
-            out.publish('motor_pwm', 10_000_000 * k, '', pwm=np.array(
-                [300.0 + k, 300.0 - k, 290.0 + k % 2, 300.0 - k]))
-    assert bag_doubts.doubts(read_bag(tmp_path / 'bag')) == [
-        'motor_pwm: motors 2 and 4 have the same commands throughout, the others differ: check '
-        'their columns']
-
-
-@pytest.mark.parametrize('factor, said', [
-    (1.0, []), (1.6, []), (0.6, []),
-    (0.3, ['motor_pwm: in flight motor 2 has 0.3 times the command of the others (median): check '
-           'its column and unit'])])
-def test_one_motor_of_another_scale_is_told(tmp_path, factor, said):
-    with BagWriter(tmp_path / 'bag') as writer:
-        out = Publisher(writer, {'motor_pwm': 'mambo_interfaces/msg/MotorPwm'})
-        for k in range(150):
-            out.publish('motor_pwm', 10_000_000 * k, '', pwm=np.array(
-                [300.0 + k % 3, factor * (300.0 + k % 5), 300.0 + k % 2, 300.0 - k % 7])
-                if k > 50 else np.zeros(4))
-    assert bag_doubts.doubts(read_bag(tmp_path / 'bag')) == said
-
-
-def test_one_motor_that_stands_is_told(tmp_path):
-    with BagWriter(tmp_path / 'bag') as writer:
-        out = Publisher(writer, {'motor_pwm': 'mambo_interfaces/msg/MotorPwm'})
-        for k in range(50):
-            out.publish('motor_pwm', 10_000_000 * k, '', pwm=np.array(
-                [300.0 + k, 0.0, 290.0 + k % 2, 310.0 - k]))
-    assert bag_doubts.doubts(read_bag(tmp_path / 'bag')) == [
-        'motor_pwm: motor 2 has the command 0 throughout, while others change: check its column']
-
-
-@pytest.mark.parametrize('volts, said', [
-    (np.nan, []), (3.7, []), (0.0037, ['battery: it has a median of 0.0037 V: check its column'])])
-def test_a_battery_is_told_where_it_was_measured(tmp_path, volts, said):
-    with BagWriter(tmp_path / 'bag') as writer:
-        out = Publisher(writer, {'battery': 'sensor_msgs/msg/BatteryState'})
-        for k in range(9):
-            out.publish('battery', 10**9 * k, '', **out.battery(volts, 50.0))
-    found = bag_doubts.doubts(read_bag(tmp_path / 'bag', namespace='/mambo'))
-    assert [line[:40] for line in found] == [line[:40] for line in said]
-
-
 def poses_and(path, name, make, jump=0):
     """Write 20 s of a climb and a turn, and of another topic; return the doubts about both."""
     with BagWriter(path) as writer:

@@ -1,0 +1,120 @@
+"""Whether the battery and the motor commands of an imported bag can be those of a flight."""
+
+from __future__ import annotations
+
+import math
+
+from mambo_bags.reader import Bag
+from mambo_signals.height_check import LEAST_ROWS
+from mambo_signals.resample import longest_run
+import numpy as np
+
+from .plausible import Floats, LARGEST_PWM
+
+LEAST_VOLTS = 2.5  # of a battery in flight; means of 43 flights of NanoBench are 3.2 or more
+SAG = 0.5  # [-] of its median, below which no battery flies a drone
+SHARES = 1.0  # the largest command of a mapping to shares of the full one
+UNEQUAL = 2.0  # median command of a motor over that of the others; 1.54 in 139 real recordings
+STOPPED = 0.5  # [s] for which no drone flies with a motor at rest
+
+
+def battery(bag: Bag) -> list[str]:
+    """Return lines about voltages in another unit, and some that were not measured."""
+    if 'battery' not in bag:
+        return []
+    t, volts = bag['battery'].t, np.asarray(bag['battery'].voltage, float)
+    known = np.isfinite(volts)  # NaN: not measured
+    t, volts = t[known], volts[known]
+    if not len(volts):
+        return []
+    if (usual := float(np.median(volts))) < LEAST_VOLTS:
+        return [f'battery: it has a median of {usual:.3g} V: check its column and unit']
+    low = volts < SAG * usual
+    if not low.any():
+        return []
+    return [f'battery: {int(low.sum())} of {len(volts)} voltages are below half of their median, '
+            f'{usual:.3g} V, down to {volts.min():.3g} V, the first at {t[low.argmax()]:.2f} s: '
+            'were they measured?']
+
+
+def commands(bag: Bag) -> list[str]:
+    """Return lines about commands in another unit, and of motors that differ from the others."""
+    if 'motor_pwm' not in bag or not len(bag['motor_pwm']):
+        return []
+    pwm, out = np.asarray(bag['motor_pwm'].pwm, float), []
+    most, least = float(pwm.max()), float(pwm.min())
+    if least < 0.0 or most > LARGEST_PWM:
+        out.append(f'motor_pwm: the commands are {least:.4g} to {most:.4g}, outside of 0 to '
+                   f'{LARGEST_PWM:g}: check their column and unit')
+    if 0.0 < most <= SHARES:
+        out.append(f'motor_pwm: the commands are up to {most:.3g}: they are shares of the '
+                   'full command, not PWM')
+    elif most == least:
+        out.append(f'motor_pwm: the commands are {most:.4g} throughout: the motors stand, or '
+                   'their commands were not recorded')
+    still = np.ptp(pwm, axis=0) == 0.0
+    if still.any() and not still.all():
+        motor = int(np.argmax(still))
+        out.append(f'motor_pwm: motor {motor + 1} has the command {pwm[0, motor]:.4g} '
+                   'throughout, while others change: check its column')
+    elif (two := doubled(pwm)) is not None:
+        out.append(f'motor_pwm: motors {two[0] + 1} and {two[1] + 1} have the same commands '
+                   'throughout, the others differ: check their columns')
+    elif (one := unequal(pwm)) is not None:
+        out.append(f'motor_pwm: in flight motor {one[0] + 1} has {one[1]:.2g} times the '
+                   'command of the others (median): check its column and unit')
+    else:
+        out += stopped(bag['motor_pwm'].t, pwm)
+    return out
+
+
+def stopped(t: Floats, pwm: Floats) -> list[str]:
+    """
+    Return lines about motors without a command while the others fly the drone.
+
+    Parameters
+    ----------
+    t : (n,) s
+    pwm : (n, 4)
+
+    """
+    out = []
+    for motor in range(pwm.shape[1]):
+        others = np.delete(pwm, motor, axis=1).mean(axis=1)
+        part = longest_run((pwm[:, motor] == 0.0) & (others > 0.5 * others.max(initial=0.0)))
+        if part.stop > part.start and t[part.stop - 1] - t[part.start] > STOPPED:
+            out.append(f'motor_pwm: motor {motor + 1} has the command 0 from {t[part.start]:.2f} '
+                       f'to {t[part.stop - 1]:.2f} s, while the others fly the drone: check its '
+                       'column')
+    return out
+
+
+def doubled(commands: Floats) -> tuple[int, int] | None:
+    """
+    Return two motors, from 0, with the same commands, (n, 4), where the others differ from all.
+
+    None without, and where two and two are the same: those of a model that moves in a plane.
+    """
+    same = [(a, b) for a in range(4) for b in range(a + 1, 4)
+            if np.array_equal(commands[:, a], commands[:, b])]
+    return same[0] if len(same) == 1 else None
+
+
+def unequal(commands: Floats) -> tuple[int, float] | None:
+    """
+    Return the motor, from 0, whose commands (n, 4) in flight are of another scale, and the factor.
+
+    A vehicle that stays upright needs much the same thrust of all four; see ``UNEQUAL``.
+    """
+    known = np.abs(commands[np.isfinite(commands).all(axis=1)])
+    mean = known.mean(axis=1)
+    flying = known[mean > 0.5 * mean.max(initial=0.0)]
+    if len(flying) < LEAST_ROWS:
+        return None
+    usual = np.median(flying, axis=0)
+    others = [float(np.median(np.delete(usual, motor))) for motor in range(4)]
+    ratios = [own / other if other > 0.0 else math.inf
+              for own, other in zip(usual.tolist(), others, strict=True)]
+    far = [max(ratio, 1.0 / ratio) if ratio > 0.0 else math.inf for ratio in ratios]
+    motor = int(np.argmax(far))
+    return (motor, ratios[motor]) if far[motor] > UNEQUAL else None
