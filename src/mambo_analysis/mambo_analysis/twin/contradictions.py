@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..identify.regression import IdentifyError
-from ..importers.checks import motors
+from ..importers.checks import powertrain
 
 Floats = NDArray[np.float64]
 
@@ -93,7 +93,7 @@ def refuse_still_motor(path: Path, command: Floats) -> None:
 
 def refuse_doubled_motor(path: Path, command: Floats) -> None:
     """Refuse commands (n, 4) of which two columns are the same and the others are not."""
-    if (two := motors.doubled(command)) is not None:
+    if (two := powertrain.doubled(command)) is not None:
         raise IdentifyError(
             f'{path}: motors {two[0] + 1} and {two[1] + 1} of motor_pwm have the same commands '
             'throughout the flight, the others differ: import each from its own column')

@@ -26,7 +26,7 @@ from scipy import stats
 from ..identify import result
 from ..identify.base import Base, based, of_bag
 from ..identify.regression import IdentifyError, LEVEL, Value
-from ..importers.checks.motors import LEAST_VOLTS
+from ..importers.checks.powertrain import LEAST_VOLTS
 from .contradictions import SCALE
 from .force import BLOCKS, fit_force, Found
 from .moments import fit_moments, Moment

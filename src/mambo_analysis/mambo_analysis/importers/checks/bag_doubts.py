@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from . import motion_doubts, motors, plausible, slips, tilts
+from . import motion_doubts, plausible, powertrain, slips, tilts
 from ..common import NAMESPACE
 
 Floats = NDArray[np.float64]
@@ -86,7 +86,7 @@ def _doubts(bag: Bag) -> list[str]:
         out += _onboard(bag, motions[OWN])
     if len(motions) == 2:
         out += _paths(motions[OWN], motions[TRACKED])
-    return out + motors.battery(bag) + motors.commands(bag) + _single(bag)
+    return out + powertrain.battery(bag) + powertrain.commands(bag) + _single(bag)
 
 
 def _jumps(bag: Bag) -> list[str]:

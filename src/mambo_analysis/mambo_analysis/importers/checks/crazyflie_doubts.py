@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from . import motion_doubts, motors
+from . import motion_doubts, powertrain
 from ..crazyflie_names import GOAL, GYRO, MOTORS, ODOMETRY, RATES
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def unusual(log: Log) -> list[str]:
             'before you use them' if most else 'motor_pwm: the commands are 0 throughout')
     if log.has(*MOTORS):
         commands = log.at(log.drone[MOTORS[0]][0], *MOTORS)
-        if (two := motors.doubled(commands[np.isfinite(commands).all(axis=1)])) is not None:
+        if (two := powertrain.doubled(commands[np.isfinite(commands).all(axis=1)])) is not None:
             lines.append(f'motor_pwm: {MOTORS[two[0]]} and {MOTORS[two[1]]} are the same '
                          'throughout, the others differ: check their columns')
     if log.has('n_x', 'n_y'):

@@ -1,6 +1,6 @@
 """Voltages and motor commands that cannot be those of a flight are told."""
 
-from mambo_analysis.importers.checks import bag_doubts, motors
+from mambo_analysis.importers.checks import bag_doubts, powertrain
 from mambo_analysis.importers.common import Publisher
 from mambo_bags.reader import read_bag
 from mambo_bags.writer import BagWriter
@@ -79,7 +79,7 @@ def test_voltages_that_were_not_measured_are_told(tmp_path, low, said):
         out = Publisher(writer, {'battery': 'sensor_msgs/msg/BatteryState'})
         for k in range(50):
             out.publish('battery', 10**8 * k, '', **out.battery(low.get(k, 3.7), 50.0))
-    assert motors.battery(read_bag(tmp_path / 'bag', namespace='/mambo')) == said
+    assert powertrain.battery(read_bag(tmp_path / 'bag', namespace='/mambo')) == said
 
 
 @pytest.mark.parametrize(('first', 'last', 'told'), [
@@ -89,6 +89,6 @@ def test_a_motor_without_commands_for_a_while_is_told(first, last, told):
     pwm = 300.0 + 20.0 * rng.normal(size=(1000, 4))
     pwm[(t < 1.0) | (t > 9.0)] = 0.0  # on the floor
     pwm[first:last + 1, 2] = 0.0
-    assert motors.stopped(t, pwm) == [
+    assert powertrain.stopped(t, pwm) == [
         f'motor_pwm: motor 3 has the command 0 from {t[first]:.2f} to {t[last]:.2f} s, while the '
         'others fly the drone: check its column'] * told
