@@ -368,7 +368,7 @@ class TestPace:
         """Return what paces one step, with a clock that the waiting for messages moves."""
         def step(sensed, deadline, answer, stalled=0.0):
             sim = SimpleNamespace(
-                sensed=sensed, answered=False, missed=0, params=SimpleNamespace(speed=1.0),
+                sensed=sensed, answered=False, missed=0, late=0, params=SimpleNamespace(speed=1.0),
                 now=sensed, watch=lambda now: None, starved=-1,
                 delays=SimpleNamespace(count=1))
 
@@ -388,8 +388,9 @@ class TestPace:
     def test_a_step_in_time_lasts_until_the_next_one_is_due(self, fly):
         assert fly(sensed=1.0, deadline=1.005, answer=1.001) == (pytest.approx(1.005), 0)
 
-    def test_an_answer_after_the_next_step_is_due_is_missed(self, fly):
-        assert fly(sensed=1.0, deadline=1.005, answer=1.006) == (pytest.approx(1.005), 1)
+    def test_a_late_answer_is_waited_for_until_the_flight_is_behind_the_clock(self, fly):
+        assert fly(sensed=1.0, deadline=1.005, answer=1.014) == (1.014, 0)
+        assert fly(sensed=1.0, deadline=1.005, answer=1.016) == (pytest.approx(1.015), 1)
 
     def test_a_step_that_began_late_ends_with_its_answer(self, fly):
         assert fly(sensed=1.1, deadline=1.005, answer=1.101) == (1.101, 0)

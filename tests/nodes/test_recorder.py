@@ -158,6 +158,41 @@ def test_a_bag_that_misses_messages_is_a_fault_of_its_recorder(start):
         f'/mambo/motor_pwm: the bag misses messages that were {publisher_guard.LOST}')
 
 
+def test_samples_that_were_published_and_not_recorded_are_a_fault(start, tmp_path):
+    node, take = start()
+    for k in range(3):
+        take[topics.CLOCK](messages.clock(k * STEP))
+        take[topics.SENSOR_TICK](messages.sensor_tick(k * STEP, k + 1, 0, 0, 0))
+    fly(take, 1, 3)
+    node.finish()
+    assert node.fault == (
+        '/mambo/imu/data_raw: the bag has 0 of the 3 messages that were published')
+
+
+def test_a_topic_of_every_step_that_ends_early_is_a_fault(start):
+    node, take = start()
+    fly(take, 2)
+    for k in range(3, 60):
+        take[topics.CLOCK](messages.clock(k * STEP))
+    node.finish()
+    assert node.fault == ('/mambo/motor_pwm: the bag has no message after 0.010 s, and the flight '
+                          'went on to 0.295 s')
+
+
+def test_a_stranger_s_command_before_the_first_is_not_recorded(start, tmp_path):
+    """The node that decides has published its reference all the time, and no command yet."""
+    node, take = start(topics=f'{topics.REFERENCE.name}, {topics.COMMAND.name}, /clock')
+    own, stranger = b'of the reference', b'another process '
+    take[topics.CLOCK](messages.clock(0))
+    take[topics.REFERENCE](pwm(1), own)
+    take[topics.COMMAND](pwm(2), stranger)
+    take[topics.COMMAND](pwm(3), own[:12] + b'....')
+    take[topics.COMMAND](pwm(4), stranger)
+    node.finish()
+    assert take[topics.COMMAND].refused == {publisher_guard.SECOND_PUBLISHER: 2}
+    assert node._bag.counts['/mambo/command'] == 1 and not node.fault
+
+
 HOSTILE = {
     'an empty /tf': (topics.TF, cdr.serialize(TFMessage())),
     'a /tf before time began': (topics.TF, tf(-5 * SECOND)),

@@ -24,9 +24,10 @@ from typing import NoReturn
 
 from mambo_model import schema
 from mambo_ros import cdr, node, process, topics
-from mambo_ros.graph.publisher_guard import PublisherGuard, SECOND_PUBLISHER
+from mambo_ros.graph.publisher_guard import PublisherGuard, same_process, SECOND_PUBLISHER
 
 from .log_times import EarlyMessages, LogTimes
+from .losses import Losses
 from .recorder_parameters import RecorderNodeParams
 from .writer import BagWriter, BagWriterError, GRACE, Qos
 
@@ -34,18 +35,6 @@ _TF_STAMP = 4  # bytes between the encapsulation and the stamp of the first tran
 _LARGEST = 1_000_000  # largest message, bytes; those of a flight have less than a thousand
 _STAMP = 'with a stamp outside of the flight, recorded at the time of /clock'
 _SIZE = f'of more than {_LARGEST // 1_000_000} MB, not recorded'
-
-
-def _selected(names: str) -> list[topics.Topic]:
-    """Return the topics to record, refusing unknown names."""
-    known = {topic.name: topic for topic in topics.RECORDABLE}
-    wanted = [name.strip() for name in names.split(',') if name.strip()] or [
-        topic.name for topic in topics.RECORDED]
-    for name in wanted:
-        if name not in known:
-            raise schema.ParameterError(
-                f"RecorderNodeParams.topics: unknown topic {name}; known: {', '.join(known)}")
-    return [known[name] for name in wanted]
 
 
 def _stamp(data: bytes, offset: int) -> int | None:
@@ -67,11 +56,12 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
     def __init__(self, **kwargs) -> None:
         super().__init__('recorder_node', RecorderNodeParams, **kwargs)
         p = self.params
-        selected = _selected(p.topics)
+        selected = topics.selected(p.topics)
         files = {'scenario.yaml': p.scenario, 'world.yaml': p.world}
         attachments = {name: Path(file).read_text('utf-8') for name, file in files.items() if file}
         self._times, self._early, self._failed = LogTimes(), EarlyMessages(), False
         self._odd: Counter[tuple[str, str]] = Counter()  # by topic and kind
+        self._losses = Losses(self._full(*topics.COUNTED), self._full(*topics.STEADY))
         try:
             self._bag = BagWriter(Path(p.bag), attachments=attachments)
         except BagWriterError as error:
@@ -81,6 +71,10 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
         except BaseException:  # also after a signal: nothing else would close the bag yet
             self._bag.close()
             raise
+
+    def _full(self, *some: topics.Topic) -> tuple[str, ...]:
+        """Return the full names of topics."""
+        return tuple(self.resolve_topic_name(topic.name) for topic in some)
 
     def _record(self, selected: list[topics.Topic]) -> None:
         """Subscribe to topics and declare them in the bag."""
@@ -93,8 +87,12 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
             self.subscribe(topics.CLOCK, self._on_clock, prompt=False, single=True)
         clock = next(guard for guard in self.input_guards if guard.topic.endswith('/clock'))
         others = [guard for guard in self.input_guards if guard is not clock]
+        command, reference = self._full(topics.COMMAND, topics.REFERENCE)
         for guard in others:
             guard.replaceable = lambda since: not clock.first or clock.latest > since
+            if guard.topic == command:  # silent until the first one: a stranger may come before
+                guard.belongs = lambda gid: all(
+                    same_process(gid, one.first) for one in others if one.topic == reference)
         clock.replaceable = lambda since: not any(guard.first for guard in others)
         for guard in self.input_guards:
             guard.incomplete, guard.forgotten = self._miss, self._forget
@@ -112,13 +110,12 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
         order of arrival is random, and only the stamp counts.
         """
         offset = _TF_STAMP if topic is topics.TF else 0
-        times, write, shared, newest = self._times, self._bag.write, topic.shared, 0
+        times, write, ends, shared = self._times, self._bag.write, self._losses.ends, topic.shared
         is_clock = topic is topics.CLOCK
 
         def put(data: bytes, log_time: int) -> None:
             """Write a message with a log time, or a later one that keeps the order."""
-            nonlocal newest
-            newest = log_time if shared else max(newest, log_time)
+            ends[name] = newest = log_time if shared else max(ends.get(name, 0), log_time)
             try:
                 write(name, data, newest, now_ns=times.now)
             except BagWriterError as error:
@@ -148,7 +145,7 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
                 self._release()
             elif self._early.hold(name, record, data):
                 self._release()
-        return take
+        return self._losses.counting(take) if topic is topics.SENSOR_TICK else take
 
     def _release(self) -> None:
         """Record what was held back."""
@@ -188,6 +185,8 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
             self._bag.close(end_ns=end)
         except BagWriterError as error:
             self._fail(error)
+        for line in self._losses.lines(self._bag.counts, self._times.now):
+            self.fail(line)
         odd = [f'{name}: {count} {kind}' for (name, kind), count in sorted(self._odd.items())]
         if self._bag.beyond:
             odd.append(f'{self._bag.beyond} with a stamp after the end, recorded at the end')

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 import dataclasses
+import errno
 from itertools import groupby
 import os
 from pathlib import Path
@@ -206,7 +207,8 @@ class BagWriter:
             self._closed = True
             with suppress(OSError):  # raised while flushing the rest
                 self._stream.close()
-            left = '; recover reads what is in it' if self._by_order else ''
+            left = '; recover reads what is in it' if self._by_order and not isinstance(
+                error, FileExistsError) else ''
             if not (self._folder / self.file.name).exists():
                 left = ': it has been moved or removed'
             raise BagDiskError(f'cannot write {self.file}: {error.strerror}{left}') from None
@@ -490,6 +492,9 @@ class BagWriter:
         if not self._by_order and self._topics:
             self._register()
         with self._disk():
+            written = os.fstat(self._stream.fileno())
+            if not os.path.samestat(written, os.stat(self._folder / self.file.name)):
+                raise FileExistsError(errno.EEXIST, 'another file is in its place')
             self._finish()
             if self.late or (end_ns is not None and self._last > end_ns):
                 self._put_in_order(end_ns)

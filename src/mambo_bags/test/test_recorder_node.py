@@ -1,30 +1,11 @@
-"""Which topics the recorder takes and where it finds a stamp; tests/nodes has the node itself."""
+"""Where the recorder finds a stamp; tests/nodes has the node itself."""
 
 import struct
 
 from hypothesis import given, strategies as st
-from mambo_bags.recorder_node import _selected, _stamp, _TF_STAMP
-from mambo_model.schema import ParameterError
-from mambo_ros import topics
-import pytest
+from mambo_bags.recorder_node import _stamp, _TF_STAMP
 
 LITTLE = b'\0\1\0\0'
-
-
-def test_no_names_are_every_topic_of_the_flight():
-    assert tuple(_selected('')) == tuple(topics.RECORDED)
-    assert tuple(_selected(' , ')) == tuple(topics.RECORDED)
-
-
-def test_names_are_taken_in_their_order_without_their_blanks():
-    names = [topic.name for topic in topics.RECORDED][:3]
-    found = _selected(f' {names[2]},{names[0]} ,')
-    assert [topic.name for topic in found] == [names[2], names[0]]
-
-
-def test_an_unknown_topic_is_named_with_those_that_there_are():
-    with pytest.raises(ParameterError, match=r'unknown topic sonar; known: .*sonar/range'):
-        _selected('sonar/range,sonar')
 
 
 @given(st.integers(0, 2**31 - 1), st.integers(0, 10**9 - 1))

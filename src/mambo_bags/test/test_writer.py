@@ -333,6 +333,22 @@ def test_a_bag_stays_where_it_was_begun(tmp_path, store, monkeypatch):
     assert not list((tmp_path / 'elsewhere').iterdir())
 
 
+@pytest.mark.parametrize(('deed', 'said'), [
+    (lambda file: file.unlink(), 'it has been moved or removed'),
+    (lambda file: file.rename(file.with_suffix('.old')), 'it has been moved or removed'),
+    (lambda file: (file.unlink(), file.write_bytes(b'')), 'another file is in its place')])
+def test_a_file_that_is_taken_away_is_no_closed_bag(tmp_path, store, deed, said):
+    bag = BagWriter(tmp_path / 'bag')
+    for topic in TYPES:
+        bag.add_topic(topic, TYPES[topic])
+    for topic, data, ns in payloads(store, 2.0):
+        bag.write(topic, data, ns)
+    deed(bag.file)
+    with pytest.raises(BagWriterError, match=f'cannot write .*bag_0.mcap: .*{said}$') as info:
+        bag.close()
+    assert info.value.exit_code == 1
+
+
 def test_careless_use_is_named(tmp_path, store):
     writer = BagWriter(tmp_path / 'deep' / 'er' / 'bag')
     with pytest.raises(BagWriterError, match='declare topics before'):

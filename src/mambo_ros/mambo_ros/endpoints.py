@@ -125,7 +125,7 @@ class Entry:
     """
 
     def __init__(self, handle: Any, source: Input) -> None:
-        self.handle, self._callback = handle, source.take
+        self.handle, self.take = handle, source.take
         self._msg_type, self._reliable = source.topic.msg_type, source.reliable
         self.take_all = self._take_unguarded
         self._taker: MessageTaker | None = None
@@ -141,7 +141,7 @@ class Entry:
     def _take_unguarded(self) -> bool:
         """Handle the messages that wait at the middleware; return whether there were any."""
         take, callback, msg_type, size = (
-            self.handle.take_message, self._callback, self._msg_type, 0)
+            self.handle.take_message, self.take, self._msg_type, 0)
         for _ in range(AT_ONCE):
             taken = take(msg_type, True)
             if taken is None:
@@ -154,7 +154,7 @@ class Entry:
 
     def _take_guarded(self) -> bool:
         """Do the same for a guarded input."""
-        take, callback, size = self._taker, self._callback, 0
+        take, callback, size = self._taker, self.take, 0
         for _ in range(AT_ONCE):
             taken = take()
             if taken is None:

@@ -24,7 +24,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from .endpoints import any_waiting, AT_ONCE, Entry, Input, RawPublisher
 from .graph import peers
 from .graph.floods import Floods
-from .graph.publisher_guard import PublisherGuard
+from .graph.publisher_guard import PublisherGuard, UNREAD
 from .node import MamboNode
 
 _HOUSEKEEPING = 0.02  # s, the longest wait at once
@@ -182,6 +182,9 @@ class Loop:
                         self._queue or any_waiting(self._entries, self._context)):
                     break
             now = time.monotonic()
+        for entry in self._entries:
+            if isinstance(entry.take, PublisherGuard) and any_waiting([entry], self._context):
+                entry.take.incomplete(entry.take, UNREAD)
 
     def turn(self) -> None:
         """Announce links, report refusals, and serve timers, parameters and services once."""

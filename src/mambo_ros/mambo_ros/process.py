@@ -153,12 +153,12 @@ def _serve(nodes: list[MamboNode], loop: Loop,
             loop.run()
         else:
             code = run(nodes[-1], loop)
-        if any(node.fault for node in nodes):
-            code = 1
         if len(nodes) > 1:
             loop.drain()
     finally:
         _finish(nodes, stopped())
+        if any(node.fault for node in nodes):
+            code = 1
         limit = time.monotonic() + FLUSH
         for node in nodes:
             node.flush(limit - time.monotonic())

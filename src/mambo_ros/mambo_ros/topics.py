@@ -9,6 +9,7 @@ from geometry_msgs.msg import PoseStamped
 from mambo_interfaces.msg import (
     CaptureTick, Command, ControllerState, EstimatorState, MotorPwm, NodeLinks, OpticalFlow,
     Reference, SensorTick)
+from mambo_model.schema import ParameterError
 from nav_msgs.msg import Odometry, Path
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, Imu, Joy, Range
@@ -101,6 +102,13 @@ RECORDED = (
     ESTIMATOR_STATE, REFERENCE, CONTROLLER_STATE, MOTOR_PWM, TF, DIAGNOSTICS)
 """Topics recorded by default: all that depend on the simulated flight alone."""
 
+COUNTED = (IMU, SONAR, OPTICAL_FLOW, BAROMETER)
+"""Topics whose samples ``sensor_tick`` counts, in its order."""
+
+STEADY = (IMU, SENSOR_TICK, GROUND_TRUTH, ESTIMATE, ESTIMATOR_STATE, REFERENCE, CONTROLLER_STATE,
+          MOTOR_PWM)
+"""Topics with a message at every step of a flight."""
+
 AIDED = (CAPTURE_TICK, LOCATED)
 """What the recorder takes besides where the estimator uses the motion capture."""
 
@@ -112,3 +120,28 @@ RECORDABLE = (*RECORDED, *AIDED, *COMMANDED)
 DESCRIBED = (ROBOT_DESCRIPTION, TF_STATIC, TRUE_PATH, ESTIMATED_PATH, MEASURED_PATH,
              REFERENCE_PATH, MARKERS, BEAM)
 """What viewers get from description_node; never recorded."""
+
+
+def selected(names: str) -> list[Topic]:
+    """
+    Return the topics to record.
+
+    Parameters
+    ----------
+    names
+        Names separated by commas; without any, all that are recorded by default.
+
+    Raises
+    ------
+    mambo_model.schema.ParameterError
+        For an unknown name.
+
+    """
+    known = {topic.name: topic for topic in RECORDABLE}
+    wanted = [name.strip() for name in names.split(',') if name.strip()] or [
+        topic.name for topic in RECORDED]
+    for name in wanted:
+        if name not in known:
+            raise ParameterError(
+                f"RecorderNodeParams.topics: unknown topic {name}; known: {', '.join(known)}")
+    return [known[name] for name in wanted]

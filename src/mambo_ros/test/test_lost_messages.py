@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from mambo_ros import messages, topics
-from mambo_ros.graph.publisher_guard import LOST
+from mambo_ros import loop as loops, messages, topics
+from mambo_ros.graph.publisher_guard import LOST, UNREAD
 from mambo_ros.loop import Loop
 from mambo_ros.node import MamboNode
 import pytest
@@ -64,3 +64,29 @@ def test_messages_that_the_use_of_one_takes_are_not_lost(alone):
     until(lambda: len(heard) == 12, 'the messages after it', lambda: loop.once(0.01))
     loop.close()
     assert not guard.refused
+
+
+@pytest.mark.usefixtures('ros')
+@pytest.mark.parametrize('urgent', [False, True])
+@pytest.mark.parametrize(('longest', 'unread'), [(5.0, False), (0.0, True)])
+def test_what_an_ending_node_did_not_read_is_told(monkeypatch, longest, unread, urgent):
+    """A slow disk keeps a recorder from what has arrived, or a second signal does."""
+    monkeypatch.setattr(loops, '_LONGEST', longest)
+    simulator, reader = MamboNode('sim', NoParams), MamboNode('reader', NoParams)
+    publish = simulator.advertise(topics.CLOCK)
+    heard, told = [], []
+    reader.subscribe(topics.CLOCK, heard.append, single=True)
+    (guard,) = reader.input_guards
+    guard.incomplete = lambda *what: told.append(what)
+    loop = Loop(reader)
+    until(lambda: publish.publisher.get_subscription_count(), 'the reader')
+    publish(messages.clock(0))
+    until(lambda: heard, 'the first message', lambda: loop.once(0.01))
+    for k in range(1, 300):
+        publish(messages.clock(k))
+    until(lambda: loops.any_waiting(loop._entries, loop._context), 'the others')
+    loop.urgent = urgent
+    loop.drain()
+    loop.close()
+    assert told == [(guard, UNREAD)] * (unread or urgent)
+    assert (len(heard) == 300) == (not told)

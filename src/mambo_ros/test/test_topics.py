@@ -2,6 +2,7 @@
 
 import importlib
 
+from mambo_model.schema import ParameterError
 from mambo_ros import topics
 from mambo_ros.topics import Topic
 import pytest
@@ -44,3 +45,19 @@ def test_full_names_of_one_drone_and_of_several():
                               (topics.DIAGNOSTICS, '/diagnostics', '/mambo2/diagnostics')):
         assert topics.full_name(topic, topics.NAMESPACE) == alone
         assert topics.full_name(topic, '/mambo2') == one
+
+
+def test_no_names_are_every_topic_of_the_flight():
+    assert tuple(topics.selected('')) == tuple(topics.RECORDED)
+    assert tuple(topics.selected(' , ')) == tuple(topics.RECORDED)
+
+
+def test_names_are_taken_in_their_order_without_their_blanks():
+    names = [topic.name for topic in topics.RECORDED][:3]
+    found = topics.selected(f' {names[2]},{names[0]} ,')
+    assert [topic.name for topic in found] == [names[2], names[0]]
+
+
+def test_an_unknown_topic_is_named_with_those_that_there_are():
+    with pytest.raises(ParameterError, match=r'unknown topic sonar; known: .*sonar/range'):
+        topics.selected('sonar/range,sonar')

@@ -24,9 +24,11 @@ LARGEST = 65_536  # bytes of any message; the largest message of the graph has 0
 FLOOD = 500  # messages; a queue holds four times as many (topics.QUEUE)
 SECOND_PUBLISHER = 'from a second publisher'
 LOST = 'lost, as a queue was full'
+UNREAD = 'not read, as the node was ended before'
 REPLACED = 'refused while the publisher before it was accepted'
 _LOOK_EVERY = 0.1  # s of wall time between looks at the graph
 _LAGS = 0.3  # s of wall time by which the graph may lag behind the matched publishers
+_PREFIX = 12  # bytes of a GID that all endpoints of a participant share
 _KNOWN = 64  # refused publishers that are remembered
 _WINDOW = 1.0  # s of wall time in which the messages of a flood are counted
 
@@ -36,9 +38,18 @@ def _nobody() -> set[bytes]:
     return set()
 
 
-def _always(since: float) -> bool:
-    """Return that another publisher may take over."""
+def _always(_: float | bytes) -> bool:
+    """Return that another publisher may take over, or that any is the right one."""
     return True
+
+
+def same_process(gid: bytes, other: bytes) -> bool:
+    """
+    Return whether two publishers are of one process; yes where one is not known.
+
+    A GID begins with the prefix of its participant in 12 bytes (RTPS 2.5, 9.3.1).
+    """
+    return not gid or not other or gid[:_PREFIX] == other[:_PREFIX]
 
 
 def _nothing(*_: Any) -> None:
@@ -73,6 +84,8 @@ class PublisherGuard:
     replaceable
         Returns whether another publisher may take over from one that has been absent since a wall
         time in s; set by the node.
+    belongs
+        Returns whether a publisher may be the first, by its GID; set by the node.
     pull
         Handles messages that have arrived but not yet been served; set by the loop.
     flooded
@@ -91,6 +104,7 @@ class PublisherGuard:
         self.refused: Counter[str] = Counter()
         self.publishers: Callable[[], set[bytes]] = _nobody
         self.replaceable: Callable[[float], bool] = _always
+        self.belongs: Callable[[bytes], bool] = _always
         self.pull: Callable[[], Any] = _nothing
         self.flooded: Callable[[PublisherGuard, bytes], Any] = _nothing
         self.incomplete: Callable[[PublisherGuard, str], Any] = _nothing
@@ -160,7 +174,7 @@ class PublisherGuard:
         now = time.monotonic()
         if self._first and self._has_left(now):
             self._forget()
-        if not self._first:
+        if not self._first and self.belongs(publisher):
             if publisher in self._known:
                 self.incomplete(self, REPLACED)
             return False

@@ -167,3 +167,24 @@ def test_the_first_message_may_come_after_those_that_it_took(guard):
     assert not made.refused
     made.follow(11)
     assert made.refused == {publisher_guard.LOST: 1}
+
+
+def test_a_publisher_of_another_process_does_not_come_first():
+    used = []
+    made = publisher_guard.PublisherGuard('/command', used.append, 1000)
+    made.belongs = lambda gid: publisher_guard.same_process(gid, FIRST)
+    made(b'wrong', SECOND)
+    assert not made.first and made.refused == {publisher_guard.SECOND_PUBLISHER: 1}
+    own = FIRST[:12] + b'next'
+    made(b'right', own)
+    made(b'wrong', SECOND)
+    made(b'right', own)
+    assert used == [b'right'] * 2 and made.first == own
+    assert made.refused == {publisher_guard.SECOND_PUBLISHER: 2}
+
+
+@pytest.mark.parametrize(('gid', 'other', 'same'), [
+    (b'', FIRST, True), (FIRST, b'', True), (FIRST, FIRST[:12] + SECOND[:4], True),
+    (FIRST, FIRST[:11] + SECOND[:5], False)])
+def test_publishers_of_one_process_share_the_prefix_of_their_participant(gid, other, same):
+    assert publisher_guard.same_process(gid, other) == same
