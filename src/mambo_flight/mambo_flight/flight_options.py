@@ -250,6 +250,11 @@ def remarks(
             yield f'warning: {line}: --stretch does not keep it'
     failure = feasibility.check(course, vehicle)
     if failure is None:
+        if failure := feasibility.check_flight(plan, vehicle):
+            part = feasibility.part_of(plan, failure.t)
+            yield (f'warning: the vehicle cannot fly the way to or from {name}: {failure} (time '
+                   f'of the flight); lengthen it with reference_node.plan.{part}, now '
+                   f'{getattr(plan, part):g} s')
         return
     try:
         rate = plan.scale_rate / feasibility.stretch(course, vehicle)

@@ -102,6 +102,24 @@ def test_a_course_that_is_too_fast_is_told_with_what_slows_it(tmp_path):
     assert list(flight_options.remarks(slower)) == []
 
 
+@pytest.mark.parametrize(('x', 'plan', 'part', 'at'), [
+    (15.0, {}, 'blend_duration, now 3 s', (5.0, 8.0)),
+    (15.0, {'plan.blend_duration': 6.0}, '', None), (4.0, {}, '', None),
+    (4.0, {'plan.climb_duration': 2.0, 'vehicle.mass': 0.12}, 'climb_duration, now 2 s',
+     (1.0, 3.0))])
+def test_a_way_to_the_course_that_is_too_fast_is_told(tmp_path, x, plan, part, at):
+    file = tmp_path / 'far.csv'
+    file.write_text(f't,x,y,height\n0,{x},0,2.9\n6,{x},1,2.9\n12,{x},0,2.9\n')
+    flight = from_settings({'trajectory': Place(str(file), '--trajectory')})
+    flight = override(flight, {f'reference_node.{name}': value for name, value in plan.items()})
+    lines = [line for line in flight_options.remarks(flight) if 'time of the flight' in line]
+    assert len(lines) == bool(part)
+    for line in lines:
+        assert line.startswith('warning: the vehicle cannot fly the way to or from far.csv: ')
+        assert line.endswith(f'; lengthen it with reference_node.plan.{part}')
+        assert at[0] <= float(line.partition(' at t = ')[2].partition(' ')[0]) <= at[1]
+
+
 def test_the_command_prints_what_it_would_fly(tmp_path, capsys):
     path = tmp_path / 'slow.py'
     path.write_text('duration = 4.0\n\n\ndef line(t):\n    return 0.1 * t, 0.0, -1.5\n')

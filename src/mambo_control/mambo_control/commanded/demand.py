@@ -3,7 +3,8 @@ What a course demands of a vehicle by flatness (3.14), and the limits of the veh
 
 Thrust, attitude, rates and torque follow from position, yaw and their derivatives, the PWM of each
 motor from the mixer (4.4) and the motor map (4.7), the charge of the battery from the power of
-the rotors. Drag and its derivatives are those of (3.13), as in the controller's feedforward.
+the rotors. The drag (3.13) lies across the thrust axis that it tilts itself, and grows with the
+thrust: it is found by iteration, and its derivatives by differences in time.
 """
 
 from __future__ import annotations
@@ -12,24 +13,28 @@ from collections.abc import Mapping
 import math
 from typing import NamedTuple
 
+from mambo_model.aerodynamics import lumped_drag
 from mambo_model.arithmetic.trigonometry import asin
 from mambo_model.compiled import jit
 from mambo_model.errors import JobError
-from mambo_model.motion.flatness import body_velocity, from_flat_output_yaw
-from mambo_model.motion.polynomial import Array, Course, evaluate, Pieces
-from mambo_model.motion.rigid_body import State
-from mambo_model.motion.vector import norm, sub
+from mambo_model.motion.flatness import from_flat_output_yaw
+from mambo_model.motion.polynomial import Array, Course, evaluate, jet, Pieces
+from mambo_model.motion.vector import add, dot, norm, scale, sub, Vec3
 from mambo_model.vehicle.battery import supply
 from mambo_model.vehicle.motor_mixer import allocate, pwm_from_thrust, thrust_from_pwm
-from mambo_model.vehicle.parameters import Vehicle
+from mambo_model.vehicle.parameters import Vehicle, VehicleValues
 import numpy as np
 
-from ..drag_feedforward import drag_acceleration, reference_drag_rates
 from ..gains import CascadedParams
 
 STEP = 0.005        # s, between samples: the period of the controller
 PARTS = 16          # in which a piece is sampled at least: a short one would hide between steps
 MOST = 2_000_000    # samples of a course at most
+TILT_MARGIN = 5.0   # deg, to the tilt at which the controller stops the motors (judgement)
+_APART = 1e-3       # s, between the instants of a difference
+_TURNS = 200        # of the iteration of the drag; 10 m/s takes 26, 60 m/s as many as 30
+_SLOWER = 50.0      # of them, after which its steps are halved
+_CONVERGED = 1e-9   # m/s^2, a change by which it ends
 
 QUANTITIES = {  # column: unit
     'height': 'm', 'speed': 'm/s', 'acceleration': 'm/s^2', 'thrust': 'N', 'tilt': 'deg',
@@ -69,18 +74,76 @@ class Failure(NamedTuple):
 
 
 @jit
+def drag_acceleration(v: Vec3, a: Vec3, drag: Vec3, vv: VehicleValues) -> Vec3:
+    """
+    Return F_D/m of a vehicle that flies a course without error, (3,) m/s^2, inertial NED.
+
+    It solves f b3 = m (g e3 - a) + F_D(f, b3) with F_D of (3.13); f and b3 are the thrust and its
+    axis. Yaw has no effect, as the drag is the same along both horizontal axes of the body.
+
+    Parameters
+    ----------
+    v, a : (3,) m/s, m/s^2, inertial NED
+        Velocity and acceleration.
+    drag : (3,) m/s^2, inertial NED
+        A first guess, such as that of the instant before.
+    vv
+        Vehicle.
+
+    """
+    free = sub((0.0, 0.0, vv.gravity), a)
+    for turn in range(_TURNS):
+        thrust = add(free, drag)  # m/s^2
+        length = norm(thrust)
+        if not length > 0.0:
+            break
+        b3 = scale(1.0 / length, thrust)
+        along = dot(b3, v)
+        across = sub(v, scale(along, b3))
+        speed = norm(across)
+        force = lumped_drag((speed, 0.0, along), vv.mass * length, vv)
+        sideways = force[0] / speed if speed > 0.0 else 0.0
+        found = scale(1.0 / vv.mass, add(scale(sideways, across), scale(force[2], b3)))
+        ratio = norm(found) / length  # where it is large, a full step would swing
+        change = scale(1.0 / (1.0 + ratio * ratio + turn / _SLOWER), sub(found, drag))
+        drag = add(drag, change)
+        if norm(change) < _CONVERGED:
+            break
+    return drag
+
+
+@jit
+def _drag_after(x: float, piece: Array, guess: Vec3, vv: VehicleValues) -> Vec3:
+    """Return that acceleration at a time in s since its piece, (4, 10), began."""
+    forward, right, down = jet(piece[0], x), jet(piece[1], x), jet(piece[2], x)
+    return drag_acceleration(
+        (forward[1], right[1], down[1]), (forward[2], right[2], down[2]), guess, vv)
+
+
+@jit
+def _drag_rates(
+    t: float, drag: Vec3, guess: Vec3, pieces: Pieces, vv: VehicleValues,
+) -> tuple[Vec3, Vec3]:
+    """Return its derivatives at t in s, where it is ``drag``; guess: of the first, m/s^3."""
+    i = max(np.searchsorted(pieces.begin, t, side='right') - 1, 0)
+    x, piece, step = t - pieces.begin[i], pieces.coefficients[i], scale(_APART, guess)
+    before = _drag_after(x - _APART, piece, sub(drag, step), vv)
+    after = _drag_after(x + _APART, piece, add(drag, step), vv)
+    second = sub(add(before, after), scale(2.0, drag))
+    return scale(0.5 / _APART, sub(after, before)), scale(1.0 / (_APART * _APART), second)
+
+
+@jit
 def _demand(t, pieces, vv, options, out):
     """Fill ``out``, (n, 11), at times ``t``, (n,) s; ``options`` is None without a battery."""
-    charge = 0.0
+    charge, drag, rate = 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for k in range(len(t)):
         x, y, z, psi = evaluate(t[k], pieces)
         rho, v, a = (x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2])
         j, s = (x[3], y[3], z[3]), (x[4], y[4], z[4])
-        free = from_flat_output_yaw(
-            rho, v, a, j, s, psi[0], psi[1], psi[2], vv.mass, vv.inertia, vv.gravity)
-        drag = drag_acceleration(
-            State(rho, body_velocity(free), free.q, free.omega), free.f, vv)
-        rate, second = reference_drag_rates(free, vv)
+        ahead = t[k] - t[k - 1] if k else 0.0
+        drag = drag_acceleration(v, a, add(drag, scale(ahead, rate)), vv)
+        rate, second = _drag_rates(t[k], drag, rate, pieces, vv)
         ref = from_flat_output_yaw(
             rho, v, sub(a, drag), sub(j, rate), sub(s, second), psi[0], psi[1], psi[2],
             vv.mass, vv.inertia, vv.gravity)
@@ -89,7 +152,7 @@ def _demand(t, pieces, vv, options, out):
         row[10] = 100.0
         if options is not None:
             voltage, current = supply(charge, thrust, options)
-            charge += current * (t[k] - t[k - 1] if k else 0.0)
+            charge += current * ahead
             row[10] = 100.0 * (1.0 - charge / (3600.0 * options.battery.capacity))
             share = options.battery.reference_voltage / voltage if voltage > 0.0 else np.inf
         row[0], row[1], row[2], row[3] = -rho[2], norm(v), norm(a), ref.f
@@ -158,7 +221,8 @@ def limits(vehicle: Vehicle, body_rate: float) -> dict[str, Limit]:
     Return the range of each limited quantity of :data:`QUANTITIES`.
 
     Thrust and PWM are limits of the vehicle. Tilt and height are the default limits at which the
-    controller shuts down. ``body_rate`` in rad/s is the range of the gyro.
+    controller shuts down, for the tilt less ``TILT_MARGIN``, as no controller is without error.
+    ``body_rate`` in rad/s is the range of the gyro.
     """
     vv, control = vehicle.values(), CascadedParams()
     pwm = Limit(vv.pwm_min, vv.pwm_max)
@@ -166,7 +230,7 @@ def limits(vehicle: Vehicle, body_rate: float) -> dict[str, Limit]:
         'battery': Limit(1e-9, math.inf),  # first: an empty battery needs an infinite PWM
         'height': Limit(0.0, control.height_max),
         'thrust': Limit(*(4.0 * thrust_from_pwm(x, vv) for x in pwm)),
-        'tilt': Limit(-math.inf, math.degrees(control.tilt_limit)),
+        'tilt': Limit(-math.inf, math.degrees(control.tilt_limit) - TILT_MARGIN),
         'body rate': Limit(-math.inf, math.degrees(body_rate))}
     out |= {name: pwm for name in QUANTITIES if name.startswith('PWM')}
     return out

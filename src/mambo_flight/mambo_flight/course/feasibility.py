@@ -10,14 +10,15 @@ from mambo_control.commanded import demand as demands
 from mambo_control.commanded.demand import demand, Failure, Limit, QUANTITIES
 from mambo_model.errors import InputError, JobError
 from mambo_model.motion.polynomial import Array, Course, ends, stretched
+from mambo_model.motion.trajectory import FlightPlanParams
 from mambo_model.vehicle.motor_mixer import thrust_from_pwm
 from mambo_model.vehicle.parameters import Vehicle
 from mambo_sim.sensors.imu import ImuParams
 import numpy as np
 
 __all__ = [
-    'check', 'demand', 'factor', 'Failure', 'failure', 'Limit', 'limits', 'odd', 'QUANTITIES',
-    'remedy', 'stretch', 'too_heavy']
+    'check', 'check_flight', 'demand', 'factor', 'Failure', 'failure', 'Limit', 'limits', 'odd',
+    'part_of', 'QUANTITIES', 'remedy', 'stretch', 'too_heavy']
 
 LONGEST = 100.0     # largest factor of time, tried or given by an option
 PRECISION = 1e-4    # relative precision of the stretch
@@ -38,6 +39,30 @@ def failure(t: Array, columns: Array, vehicle: Vehicle) -> Failure | None:
 def check(course: Course, vehicle: Vehicle) -> Failure | None:
     """Return the first point of a course that a vehicle cannot fly, else None."""
     return failure(*demand(course, vehicle), vehicle)
+
+
+def check_flight(plan: FlightPlanParams, vehicle: Vehicle) -> Failure | None:
+    """
+    Return the first point of a whole flight that a vehicle cannot fly, else None.
+
+    Parameters
+    ----------
+    plan
+        Of a course: climb, way to the course, course, stop and descent.
+    vehicle
+
+    """
+    pieces = plan.pieces()
+    flight = Course(np.diff(pieces.begin), pieces.coefficients[:-1])  # the last is rest for ever
+    ranges = {name: one for name, one in limits(vehicle).items() if name != 'height'}
+    return demands.failure(*demand(flight, vehicle), ranges)
+
+
+def part_of(plan: FlightPlanParams, t: float) -> str:
+    """Return the parameter that says how long the part of a plan at t in s takes."""
+    timing = plan.timing
+    aloft = timing.start_time <= t < timing.landing_time + timing.blend_duration
+    return 'blend_duration' if aloft else 'climb_duration'
 
 
 def too_heavy(vehicle: Vehicle) -> str:

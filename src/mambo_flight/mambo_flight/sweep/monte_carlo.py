@@ -147,8 +147,8 @@ def metrics(
         over the steps in flight, total and along x, y, z (NED), ``max`` the largest length in
         flight, ``final`` the length at the end. ``energy`` in J is the ideal power of the rotors
         at the commanded thrusts over the efficiency of the drive, integrated. NaN in place of
-        ``rms`` and ``max`` if nothing was flown, or the vehicle never took off. ``fallen`` tells
-        whether it lay on the floor below its reference, see
+        ``rms`` and ``max`` if nothing was flown, and of these and ``final`` if the vehicle never
+        took off. ``fallen`` tells whether it lay on the floor below its reference, see
         :mod:`mambo_model.motion.height_check`.
 
     """
@@ -161,7 +161,7 @@ def metrics(
         for axis, square in zip('xyz', squares.tolist()):
             out[f'{name}_rms_{axis}'] = math.sqrt(square)
         out[f'{name}_max'] = getattr(a, f'{name}_max') if steps else math.nan
-        out[f'{name}_final'] = getattr(a, f'{name}_last')
+        out[f'{name}_final'] = math.nan if grounded else getattr(a, f'{name}_last')
     out['saturated_share'] = a.saturated / a.running if a.running else math.nan
     out['pwm_max'] = a.pwm_max
     ideal = a.effort / (vehicle.rotor.radius * math.sqrt(2.0 * math.pi * vehicle.air_density))
