@@ -6,9 +6,9 @@ gives the same bag at any time and speed. A message older than the previous one 
 sensor that is out of order) gets the time of that one, which keeps the order.
 
 Any node may publish on these topics. A message without a readable stamp, or with one outside of
-this flight (``log_times``), is recorded at the time of ``/clock``; a message of more than a
-megabyte is not recorded. The first of each kind and topic is logged as a warning, and all are
-counted at the end. On a topic that only one node publishes, messages of a second publisher are
+this flight (``recording.log_times``), is recorded at the time of ``/clock``; a message of more
+than a megabyte is not recorded. The first of each kind and topic is logged as a warning, and all
+are counted at the end. On a topic that only one node publishes, messages of a second publisher are
 refused. While ``/clock`` goes on, it may take over from one that has left; nobody takes over from
 the nodes of a flight that is over. A ``/clock`` with nothing else was no flight. If messages were
 lost, because the machine or a flood was too much for the queue, the node ends with exit code 1.
@@ -26,9 +26,9 @@ from mambo_model import schema
 from mambo_ros import cdr, node, process, topics
 from mambo_ros.graph.publisher_guard import PublisherGuard, same_process, SECOND_PUBLISHER
 
-from .log_times import EarlyMessages, LogTimes
-from .losses import Losses
 from .recorder_parameters import RecorderNodeParams
+from .recording.log_times import EarlyMessages, LogTimes
+from .recording.losses import Losses
 from .writer import BagWriter, BagWriterError, GRACE, Qos
 
 _TF_STAMP = 4  # bytes between the encapsulation and the stamp of the first transform: their count

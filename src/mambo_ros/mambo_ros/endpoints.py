@@ -14,7 +14,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from . import topics
-from .graph.publisher_guard import PublisherGuard
+from .graph.publisher_guard import PublisherGuard, UNREAD
 from .message_taker import MessageTaker
 
 AT_ONCE = 100
@@ -182,3 +182,10 @@ def any_waiting(entries: Sequence[Entry], context: Context) -> bool:
         if entries:  # an empty wait set cannot wait
             wait_set.wait(0)
         return bool(wait_set.get_ready_entities('subscription'))
+
+
+def tell_unread(entries: Sequence[Entry], context: Context) -> None:
+    """Tell the guards of some entries if messages wait that nobody will read."""
+    for entry in entries:
+        if isinstance(entry.take, PublisherGuard) and any_waiting([entry], context):
+            entry.take.incomplete(entry.take, UNREAD)

@@ -21,10 +21,10 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 
-from .endpoints import any_waiting, AT_ONCE, Entry, Input, RawPublisher
+from .endpoints import any_waiting, AT_ONCE, Entry, Input, RawPublisher, tell_unread
 from .graph import peers
 from .graph.floods import Floods
-from .graph.publisher_guard import PublisherGuard, UNREAD
+from .graph.publisher_guard import PublisherGuard
 from .node import MamboNode
 
 _HOUSEKEEPING = 0.02  # s, the longest wait at once
@@ -167,8 +167,8 @@ class Loop:
         """
         Handle messages until none has come for a moment or a second signal arrives.
 
-        Nobody takes over from a publisher that has left: the others leave, too. Others may go on
-        publishing: after ``_SETTLED`` it is enough that no message waits at one instant.
+        Nobody takes over from a publisher that has left: the others leave, too. If others go on,
+        it is enough after ``_SETTLED`` that no message waits at one instant.
         """
         for node in self.nodes:
             for guard in node.input_guards:
@@ -182,16 +182,13 @@ class Loop:
                         self._queue or any_waiting(self._entries, self._context)):
                     break
             now = time.monotonic()
-        for entry in self._entries:
-            if isinstance(entry.take, PublisherGuard) and any_waiting([entry], self._context):
-                entry.take.incomplete(entry.take, UNREAD)
+        tell_unread(self._entries, self._context)
 
     def turn(self) -> None:
         """Announce links, report refusals, and serve timers, parameters and services once."""
-        now = time.monotonic()
         for node in self.nodes:
             node.announce()
-            node.report_refusals(now)
+            node.report_refusals(time.monotonic())
         for watch in self._peers:
             watch.look()
         self._executor.spin_once(timeout_sec=0.0)

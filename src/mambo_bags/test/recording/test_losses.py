@@ -1,6 +1,6 @@
 """What a bag lacks at its end is found by the watermark and by /clock."""
 
-from mambo_bags.losses import LATE, Losses
+from mambo_bags.recording.losses import LATE, Losses
 from mambo_ros import messages
 import pytest
 

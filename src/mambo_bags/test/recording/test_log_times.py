@@ -2,8 +2,8 @@
 
 import time
 
-from mambo_bags import log_times
-from mambo_bags.log_times import AGREEING, EarlyMessages, LogTimes, SECOND, WINDOW
+from mambo_bags.recording import log_times
+from mambo_bags.recording.log_times import AGREEING, EarlyMessages, LogTimes, SECOND, WINDOW
 import pytest
 
 STEP = 5_000_000  # ns

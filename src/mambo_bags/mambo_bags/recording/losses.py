@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
-import struct
 
+from mambo_ros.layout import LayoutError
 from mambo_ros.messages import decode_sensor_tick
 
 LATE = 250_000_000
@@ -41,7 +41,7 @@ class Losses:
             take(data)
             try:
                 _, self._published = decode_sensor_tick(data)
-            except struct.error:  # too short: a stranger's
+            except LayoutError:  # too short: a stranger's
                 return
             if self._from_start is None:
                 self._from_start = self._published[0] <= 1
