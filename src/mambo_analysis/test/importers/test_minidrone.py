@@ -480,7 +480,8 @@ def test_sensors_of_another_scale_and_without_values_are_told(tmp_path, change, 
 @pytest.mark.parametrize('name, values, said', [
     ('pitch', np.full(N, 17.0), 'pitch is 17 at 0.000 s'), ('roll', np.full(N, -20.0), 'roll'),
     ('altitude_sonarb', np.full(N, -1.2), 'ranges are negative'),
-    ('altitude_sonarb', np.full(N, 1200.0), 'are they in mm')])
+    ('altitude_sonarb', np.full(N, 1200.0), 'are they in mm?'),
+    ('altitude_sonarb', np.full(N, 120.0), 'are they in mm or cm?')])
 def test_an_attitude_in_degrees_and_ranges_that_cannot_be_are_refused(
         tmp_path, capsys, name, values, said):
     log = save(tmp_path / 'log.mat', flown() | {name: values})

@@ -25,6 +25,7 @@ NEVER = 5.0  # an acceleration in g stays below it; one in m/s^2 is above it in 
 QUARTER = 0.5 * np.pi + 0.01  # [rad] largest middle Euler angle, with rounding
 HALF = np.pi + 0.01  # [rad] largest outer one
 FARTHEST = 1e4  # [m] from the origin of a motion capture: a hall, or a field with cameras
+MOST_CENTIMETRES = 800.0  # of a range finder that is read in cm
 FARTHEST_RANGE = 40.0  # [m]; a range in mm that fits in 16 bits is below 32.8 m
 PRESSURES = (3e4, 1.2e5)  # [Pa] from above all mountains to below the sea
 MOST_VOLTS = 100.0  # of a battery; one in mV has thousands
@@ -176,9 +177,10 @@ def refuse_ranges(where: str, ranges: Floats) -> None:
     """
     far, below = ranges > FARTHEST_RANGE, ranges < 0.0
     if far.sum() > FEW * len(ranges):
+        unit = 'mm' if np.median(ranges[far]) > MOST_CENTIMETRES else 'mm or cm'
         raise BagError(f'{where}: {int(far.sum())} of {len(ranges)} ranges are beyond '
-                       f'{FARTHEST_RANGE:g} m, up to {ranges.max():.4g} m: are they in mm? give '
-                       'them in m')
+                       f'{FARTHEST_RANGE:g} m, up to {ranges.max():.4g} m: are they in {unit}? '
+                       'give them in m')
     if below.sum() > 0.5 * len(ranges):
         raise BagError(f'{where}: {int(below.sum())} of {len(ranges)} ranges are negative, down '
                        f'to {ranges.min():.4g} m: turn their sign')

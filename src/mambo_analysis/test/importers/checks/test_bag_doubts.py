@@ -261,6 +261,29 @@ def test_a_pressure_that_rises_with_the_height_is_told(tmp_path, sign, said):
                      '(correlation 1.00): check its sign and column'] * said
 
 
+@pytest.mark.parametrize(('sign', 'noise', 'told'), [
+    (1.0, 0.0, False), (-1.0, 0.0, True), (-1.0, 0.3, True), (-1.0, 3.0, False)])
+def test_an_own_height_that_falls_where_the_ranges_rise_is_told_alone(
+        tmp_path, sign, noise, told):
+    rng = np.random.default_rng(0)
+    with BagWriter(tmp_path / 'bag') as writer:
+        names = ('onboard/odom', 'sonar/range', 'barometer/pressure')
+        out = Publisher(writer, {name: any_table.TYPES[name] for name in names})
+        for k in range(1000):
+            height = 1.0 + 0.5 * np.sin(0.01 * k)
+            own = (0.0, 0.0, sign * height + noise * rng.normal())
+            out.publish('onboard/odom', 10**7 * k, 'odom', **out.odometry(
+                out.pose(own, (0.0, 0.0, 0.0, 1.0)), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+            out.publish('sonar/range', 10**7 * k, 'base_link', min_range=0.0, max_range=10.0,
+                        range=height)
+            out.publish('barometer/pressure', 10**7 * k, 'base_link',
+                        fluid_pressure=1e5 - 11.9 * height)
+    found = [line for line in bag_doubts.doubts(read_bag(tmp_path / 'bag', namespace='/mambo'))
+             if 'falls where' in line or 'pressure' in line]
+    assert len(found) == told and all(line.startswith(
+        'onboard/odom: its height falls where the ranges rise (correlation -') for line in found)
+
+
 def _paused(k, state):
     return None if 800 <= k < 1000 else state
 
