@@ -17,6 +17,7 @@ BLEND = 3.0  # [s] assumed duration of the blend to the trajectory, if the bag d
 LEVEL = 0.1  # [m/s] largest vertical speed of a vehicle that keeps its height
 SETTLED = 0.5  # [s] time for which it must keep its height
 EVEN = 0.05  # [s] step of the time grid
+UNSEEN = 100_000_000  # [ns] between two references, above which a change has no time
 MOST = 4  # landings that are listed
 
 
@@ -97,6 +98,11 @@ def phases(bag: Bag) -> Phases:
     if not first:
         return Phases(begin, landing_start,
                       f'no take-off: on the trajectory from the start{again}')
+    if begin - int(stamps[first - 1]) > max(UNSEEN, 3.0 * np.median(np.diff(stamps))):
+        return Phases(
+            None, landing_start, 'no end of the take-off found: phase TRACK begins between '
+            f'{stamps[first - 1] * 1e-9:.2f} and {begin * 1e-9:.2f} s, which was not recorded',
+            liftoff)
     blend = _plan(bag.scenario).get('blend_duration')
     seconds = BLEND if blend is None else float(blend)
     ends = [begin + round(seconds * 1e9), *between.tolist(), *filter(None, [landing_start])]

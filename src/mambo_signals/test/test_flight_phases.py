@@ -57,6 +57,22 @@ def test_a_blend_missing_in_the_bag_is_assumed_and_reported(tmp_path):
     assert 'assumed: the bag does not hold it' in phases(bag).text
 
 
+@pytest.mark.parametrize(('gap', 'known'), [(0.0, True), (0.09, True), (0.112, False)])
+def test_a_take_off_that_ends_in_a_gap_has_no_end(tmp_path, gap, known):
+    maker = Maker(tmp_path / 'b', ['reference'], attachments={'scenario.yaml': SCENARIO})
+    for k in range(1200):
+        if 0.0 < (t := 0.005 * k) - 1.96 < gap:
+            continue
+        maker.write('reference', round(t * SECOND),
+                    phase=GROUND if t < 1.0 else TAKEOFF if t < 2.0 else TRACK)
+    maker.writer.close()
+    seen = phases(read_bag(tmp_path / 'b', namespace='/mambo'))
+    assert (seen.takeoff_end is not None) == known and seen.landing_start is None
+    assert known or seen.text == (
+        'no end of the take-off found: phase TRACK begins between 1.96 and 2.08 s, which was '
+        'not recorded')
+
+
 @pytest.mark.parametrize(('height', 'stood'), [(0.0, True), (0.009, True), (0.02, False)])
 def test_a_vehicle_that_stays_on_the_floor_never_took_off(tmp_path, height, stood):
     maker = Maker(tmp_path / 'b', ['reference', 'ground_truth/odom', 'estimate/odom'],

@@ -293,14 +293,33 @@ class _Rows(NamedTuple):
     unused: float
 
 
+def _refuse_thin(
+    path: Path, known: dict[str, NDArray[np.bool_]], on: NDArray[np.bool_],
+) -> None:
+    """Raise IdentifyError if the signals are not known for long enough while the motors run."""
+    def longest(rows: NDArray[np.bool_]) -> float:
+        run = resample.longest_run(rows)
+        return (run.stop - run.start) * STEP
+    least, all_ = LEAST_FLIGHT + 2.0 * EDGE, np.all(list(known.values()), axis=0)
+    first, last = np.flatnonzero(on)[[0, -1]]
+    if longest(all_ & on) < least <= (last - first) * STEP:
+        name = min(known, key=lambda one: known[one][first:last].sum())
+        raise IdentifyError(
+            f'{path}: from the first to the last command {(last - first) * STEP:.1f} s pass, but '
+            f'all signals are known for {longest(all_ & on):.1f} s on end at most, {least:g} s '
+            f'are needed: the {name} has too few samples, or gaps; {GAP:g} s between two is too '
+            'much')
+
+
 def _rows(path: Path, found: dict[str, Floats]) -> _Rows:
     """Return the rows in the air, the longest stretch without a gap, and those at rest."""
     mean = found['command'].mean(axis=1)
     on = mean > FLYING * np.nanmedian(mean[mean > 0.0]) if (mean > 0.0).any() else mean > 0.0
     if not on.any():
         raise IdentifyError(f'{path}: the motors never run: this is no flight')
-    known = np.all([np.isfinite(found[name]).reshape(len(mean), -1).all(axis=1) for name in (
-        'position', 'velocity', 'attitude', 'force', 'gyro', 'command')], axis=0)
+    parts = {name: np.isfinite(found[name]).reshape(len(mean), -1).all(axis=1) for name in (
+        'position', 'velocity', 'attitude', 'force', 'gyro', 'command')}
+    known = np.all(list(parts.values()), axis=0)
     height = found['position'][:, 2]
     has_ground = _has_ground(found, known)
     floor = np.nanmin(height) if has_ground else -np.inf
@@ -311,6 +330,7 @@ def _rows(path: Path, found: dict[str, Floats]) -> _Rows:
     edge = round(EDGE / STEP)
     air = slice(air.start + edge, air.stop - edge)
     if (air.stop - air.start) * STEP < LEAST_FLIGHT:
+        _refuse_thin(path, parts, on)
         raise IdentifyError(
             f'{path}: {max((air.stop - air.start) * STEP, 0.0):.1f} s in the air with all '
             f'signals, {LEAST_FLIGHT:g} s are needed; the lowest pose is taken as that on the '

@@ -49,6 +49,8 @@ def test_a_missing_signal_is_named(tmp_path, text, reason):
     (lambda data: data.assign(m1=0.0, m2=0.0, m3=0.0, m4=0.0), 'the motors never run'),
     (lambda data: data.iloc[:300], 'overlap for 3.0 s, 5 s'),
     (lambda data: data.assign(z=0.05), '0.0 s in the air'),
+    (lambda data: data.iloc[::12], 'from the first to the last command .* all signals are known '
+     'for .*: the attitude has too few samples, or gaps'),
 ])
 def test_what_is_no_flight(tmp_path, change, reason):
     with pytest.raises(IdentifyError, match=reason):
