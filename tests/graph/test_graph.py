@@ -5,6 +5,7 @@ import hashlib
 import os
 from pathlib import Path
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,6 +14,7 @@ import time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from mambo_analysis.compare import estimate
 from mambo_bags.reader import read_bag
+from mambo_bags.recover import recover
 from mambo_bags.writer import BagWriter
 from mambo_bringup.domain import Domain
 from mambo_bringup.flight import runner
@@ -178,6 +180,22 @@ def test_live_replay_gives_the_recorded_estimate_to_the_bit(bag, tmp_path):
         replay(bag, output, rate)
         for topic in (topics.ESTIMATE, topics.ESTIMATOR_STATE):
             assert payloads(output, topic) == payloads(bag, topic), (name, topic.name)
+
+
+def test_a_bag_that_lacks_some_seconds_is_replayed_without_a_fault(bag, tmp_path):
+    """What its samples lack is no loss of the recorder of the replay."""
+    damaged = tmp_path / 'damaged'
+    shutil.copytree(bag, damaged)
+    (file,) = damaged.glob('*.mcap')
+    data = bytearray(file.read_bytes())
+    for share in (0.45, 0.55, 0.65):  # some of them within a chunk, of a second each
+        data[int(share * len(data))] ^= 0x55
+    file.write_bytes(data)
+    recover(damaged, tmp_path / 'rest')
+    steps = len(payloads(tmp_path / 'rest', topics.IMU))
+    assert 0 < steps < STEPS
+    replay(tmp_path / 'rest', tmp_path / 'replay', 0.0)
+    assert len(payloads(tmp_path / 'replay', topics.ESTIMATE)) == steps
 
 
 @pytest.mark.parametrize('choices', [{}, PACKAGE], ids=['default', 'package'])

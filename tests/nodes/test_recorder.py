@@ -169,14 +169,15 @@ def test_samples_that_were_published_and_not_recorded_are_a_fault(start, tmp_pat
         '/mambo/imu/data_raw: the bag has 0 of the 3 messages that were published')
 
 
-def test_a_topic_of_every_step_that_ends_early_is_a_fault(start):
-    node, take = start()
+@pytest.mark.parametrize('whole', [True, False])
+def test_a_topic_of_every_step_that_ends_early_is_a_fault_but_in_a_replay(start, whole):
+    node, take = start(whole=whole)
     fly(take, 2)
     for k in range(3, 60):
         take[topics.CLOCK](messages.clock(k * STEP))
     node.finish()
-    assert node.fault == ('/mambo/motor_pwm: the bag has no message after 0.010 s, and the flight '
-                          'went on to 0.295 s')
+    assert node.fault == whole * ('/mambo/motor_pwm: the bag has no message after 0.010 s, and '
+                                  'the flight went on to 0.295 s')
 
 
 def test_a_stranger_s_command_before_the_first_is_not_recorded(start, tmp_path):

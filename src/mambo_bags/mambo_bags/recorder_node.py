@@ -186,7 +186,7 @@ class RecorderNode(node.MamboNode[RecorderNodeParams]):
         except BagWriterError as error:
             self._fail(error)
         for line in self._losses.lines(self._bag.counts, self._times.now):
-            self.fail(line)
+            self.fail(line if self.params.whole else '')
         odd = [f'{name}: {count} {kind}' for (name, kind), count in sorted(self._odd.items())]
         if self._bag.beyond:
             odd.append(f'{self._bag.beyond} with a stamp after the end, recorded at the end')

@@ -66,14 +66,13 @@ def _read(arguments: Mapping[str, str], name: str) -> Any:
         raise schema.ParameterError(f'{name}:={arguments[name]}: {error}') from None
 
 
-def _recorder(bag: str, topics: str = '') -> list[tuple[str, str, dict[str, object]]]:
-    """Return the recorder, or no node if no bag is requested."""
+def _recorder(bag: str, topics: str) -> list[tuple[str, str, dict[str, object]]]:
+    """Return the recorder of a replay, or no node if no bag is requested."""
     if not bag:
         return []
     path = Path(bag).expanduser().absolute()
     refuse_existing(path, 'name another bag', FlightInputError)
-    parameters: dict[str, object] = {'bag': str(path)}
-    return [(*RECORDER, {**parameters, 'topics': topics} if topics else parameters)]
+    return [(*RECORDER, {'bag': str(path), 'topics': topics, 'whole': False})]
 
 
 ROOM = 22.0  # s, for a function that does not state its duration: as in a flight of 40 s

@@ -91,7 +91,8 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
         aided = file is not None and scenarios.load(file).estimator_node.aided
         recorded = f'{RECORDED},{topics.LOCATED.name}' if aided else RECORDED
         group.start(*RECORDER, [
-            '--ros-args', *parameter('bag', output), *parameter('topics', recorded), *scenario])
+            '--ros-args', *parameter('bag', output), *parameter('topics', recorded), *scenario,
+            '-p', 'whole:=false'])
         group.start(*ESTIMATOR, ['--ros-args', *parameters])
         group.start(*PLAYER, [
             '--ros-args', *parameter('bag', bag), '-p', f'rate:={float(rate)}',
