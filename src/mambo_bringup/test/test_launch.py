@@ -357,8 +357,8 @@ def test_a_bag_without_parameters_is_replayed_with_the_defaults(tmp_path):
     plan = replay_plan(arguments('replay.launch.py', bag=str(tmp_path / 'plain'), rate='0',
                                  output=str(tmp_path / 'new')))
     assert plan.scenario is None
-    assert plan.nodes[0] == (
-        'mambo_bags', 'recorder_node', {'bag': str(tmp_path / 'new'), 'topics': RECORDED})
+    assert plan.nodes[0] == ('mambo_bags', 'recorder_node', {
+        'bag': str(tmp_path / 'new'), 'topics': RECORDED, 'whole': False})
     assert plan.nodes[-1][2]['wait_for'] == 'recorder_node,estimator_node'
     assert set(RECORDED.split(',')) <= {topic.name for topic in topics.RECORDED}
 
