@@ -63,6 +63,8 @@ class Flight:
     def __repr__(self) -> str:
         m = self.metrics
         ending = f', motors stopped ({m["shutdown_reason"]})' if m['shutdown'] else ''
+        if m['failsafe'] and not m['shutdown']:
+            ending = f', held or landed by the failsafe ({m["failsafe"]})'
         if m['fallen']:
             ending += ', lay on the floor below its reference'
         errors = 'never took off' if math.isnan(m['tracking_rms']) else (

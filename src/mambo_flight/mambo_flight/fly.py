@@ -95,6 +95,8 @@ def _ended(flight: Scenario, r: closed_loop.Recording, metrics: Mapping[str, Any
     if metrics['shutdown']:
         return (f'motors stopped at {metrics["shutdown_time"]:.3f} s: '
                 f'{metrics["shutdown_reason"]}')
+    if metrics['failsafe']:
+        return f'the failsafe held or landed the vehicle at the end: {metrics["failsafe"]}'
     return height_fault(r.t * 1e-9, -r.truth[:, 2], -r.reference[:, 2], r.phase,  # NED
                         flight.sim_node.simulator.plant.ground)
 

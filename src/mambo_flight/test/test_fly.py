@@ -21,7 +21,7 @@ seed: 2
 """
 
 METRICS = {'tracking_rms': 0.0123, 'tracking_max': 0.1, 'estimation_rms': 0.2, 'shutdown': False,
-           'shutdown_reason': ''}
+           'shutdown_reason': '', 'failsafe': ''}
 CRASHED = METRICS | {'shutdown': True, 'shutdown_time': 2.5, 'shutdown_reason': 'crash'}
 
 

@@ -50,7 +50,12 @@ def _jumps(times: Floats, position: Floats, turns: Rotation, apart: int = 1) -> 
 
 
 def _placeholders(times: Floats, position: Floats, turns: Rotation) -> Bools:
-    """Return which poses repeat one position to the digit between two jumps, (n,)."""
+    """
+    Return which poses repeat one position to the digit between two jumps, (n,).
+
+    Where all three numbers are the same, such as 0 0 0, a step by ``SAME_SHIFT`` is enough on both
+    sides: a tracker that loses the body may give nothing for a moment before and after.
+    """
     out = np.zeros(len(times), bool)
     if len(times) < 3:
         return out
@@ -58,6 +63,12 @@ def _placeholders(times: Floats, position: Floats, turns: Rotation) -> Bools:
     jumps[_jumps(times, position, turns)] = True
     for first, end in runs(np.append(False, (np.diff(position, axis=0) == 0.0).all(axis=1))):
         out[first - 1:end] = jumps[first - 1] and jumps[end]
+    equal = (np.ptp(position, axis=1) == 0.0)
+    for first, end in runs(equal):
+        sides = [k for k in (first - 1, end) if 0 <= k < len(times)]
+        if len(sides) == 2 and all(
+                np.linalg.norm(position[k] - position[first]) > SAME_SHIFT for k in sides):
+            out[first:end] = True
     return out
 
 

@@ -40,6 +40,19 @@ def test_a_fixed_position_while_the_body_is_not_seen_is_left_out(place):
         assert outliers.refuse_most('a: b', T, held, turns).sum() == part.sum()
 
 
+@pytest.mark.parametrize('gap', [1, 5, 30])
+def test_a_fixed_position_beside_frames_that_are_missing_is_left_out(gap):
+    position, turns = loop(T)[0] + [0.3, -0.2, 1.0], rocking(T).as_quat()
+    wrong = (np.arange(len(T)) >= 500) & (np.arange(len(T)) < 700)
+    held = np.where(wrong[:, None], 0.0, position)
+    there = np.ones(len(T), bool)
+    there[500 - gap:500] = there[700:700 + gap] = False
+    found = outliers.impossible(T[there], held[there], turns[there])
+    np.testing.assert_array_equal(found, wrong[there])
+    start = np.where((np.arange(len(T)) < 300)[:, None], 0.0, loop(T)[0] - loop(T)[0][300])
+    assert not outliers.impossible(T, start, turns).any()  # at rest at the origin, then away
+
+
 @pytest.mark.parametrize('seed', range(8))
 def test_random_flips_of_random_length_are_found(seed):
     """A third of the flight seen in two other ways: the way that holds longest is the true one."""

@@ -117,15 +117,34 @@ def step(
     try:
         _check(timeline, command, TAKEOFF if waits else phase, p.longest,
                -state[2, 0] < p.lowest)
-        if waits and command.kind in (fc.LAND, fc.STOP):  # gives the take-off up
+        begins = _just_begun(timeline, phase, t)
+        if waits and command.kind in (fc.LAND, fc.STOP) or begins and command.kind == fc.LAND:
+            # gives the take-off up
             return _joined(timeline, command, [], state[:, 0], phase=GROUND), ''
         segments, end = _plan(command, state, phase, p, vehicle)
+        if waits or begins:
+            segments = _taking_off(segments)
     except _Beyond as error:
         later = _at_its_end(timeline, command, t, p, vehicle)
         return (timeline, str(error)) if later is None else (later, '')
     except (Refused, ParameterError) as error:
         return timeline, str(error)
     return _joined(timeline, command, segments, end), ''
+
+
+def _just_begun(timeline: Timeline, phase: int, t: float) -> bool:
+    """Return whether the first step of a take-off from the floor is not flown yet."""
+    i = max(bisect_right(timeline.begin, t) - 1, 0)
+    first = phase == TAKEOFF and i > 0 and timeline.phases[i - 1] == GROUND
+    return first and t - timeline.begin[i] < 0.5 * STEP
+
+
+def _taking_off(segments: list[Segment]) -> list[Segment]:
+    """Return a path with its first part as a take-off, which the estimator must be aligned for."""
+    for k, one in enumerate(segments):
+        if one.phase != GROUND:
+            return [*segments[:k], one._replace(phase=TAKEOFF), *segments[k + 1:]]
+    return segments
 
 
 def _at_its_end(
@@ -245,6 +264,8 @@ def _plan(
         longer *= _LONGER
         reason = beyond(way, end, -state[2, 0], p, vehicle, c.kind in _HOVERS)
         if not reason:
+            if c.duration or c.kind in _HOVERS:
+                _refuse_blind(way, p)
             return [*before, *way], end
         first = first or reason
     raise _Beyond(first)
@@ -265,17 +286,17 @@ def _takeoff(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
     goal = state[:, 0].copy()
     goal[2] = -c.height
     duration = c.duration or max(2.0 * SHORTEST, least_duration(state, goal, p))
-    if c.duration:
-        _refuse_blind(move(state, at_rest(goal), duration, TAKEOFF), p)
     return lambda longer: ([move(state, at_rest(goal), longer * duration, TAKEOFF)], goal), (
         _tries(c))
 
 
-def _refuse_blind(segment: Segment, p: CommandParams) -> None:
-    """Raise Refused for a climb or descent that lingers where no sensor measures the height."""
-    t = np.linspace(0.0, segment.duration, _POINTS)
-    height = -np.polynomial.polynomial.polyval(t, segment.coefficients[2])
-    low = float(np.mean(height < p.lowest)) * segment.duration
+def _refuse_blind(way: list[Segment], p: CommandParams) -> None:
+    """Raise Refused for a path that lingers where no sensor measures the height."""
+    low = 0.0
+    for segment in way:
+        t = np.linspace(0.0, segment.duration, _POINTS)
+        height = -np.polynomial.polynomial.polyval(t, segment.coefficients[2])
+        low += float(np.mean(height < p.lowest)) * segment.duration
     if low > LINGERS:
         raise Refused(f'the vehicle would be below the lowest flight, {p.lowest:g} m, for '
                       f'{low:.1f} s, limit {LINGERS:g} s: give a shorter duration')
@@ -290,8 +311,6 @@ def _land(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
         """Return the way down."""
         slowing, above = stop(state, p, longer)
         way, down = _descent(above, c.height, c.duration, p, longer)
-        if c.duration:
-            _refuse_blind(way[0], p)
         return slowing + way, down
     return build, _tries(c)
 

@@ -266,13 +266,48 @@ def test_a_stop_of_a_takeoff_hovers_where_the_vehicle_may(late):
 
 
 def test_a_landing_that_is_too_low_to_hover_goes_on():
-    """So does one on the floor: a take-off that was given up before it had risen."""
     line = flown(UP, FlightCommand(6 * S, fc.LAND))
     low = round((line.until - 0.2) * S)
     assert 'landing and too low to hover' in refused(line, FlightCommand(low, fc.STOP))
+
+
+def test_a_landing_before_the_first_step_of_a_take_off_gives_it_up():
     line = flown(UP, UP._replace(kind=fc.LAND, height=0.0))
-    assert 'landing and too low' in refused(line, FlightCommand(UP.t + S // 10, fc.STOP))
-    assert tl.state_of(line, line.until)[1] == LANDED
+    assert 'on the floor: take off first' in refused(line, FlightCommand(UP.t + 1, fc.STOP))
+    assert tl.state_of(line, 60.0)[1] == GROUND
+    waits = UP._replace(t=0)  # up to 0.5 s
+    line = flown(waits, FlightCommand(S // 2, fc.LAND))
+    assert {tl.state_of(line, t)[1] for t in np.arange(0.0, 9.0, 0.1)} == {GROUND}
+
+
+@pytest.mark.parametrize('t', [0, S // 10, S // 2 - S // 200, S // 2])
+@pytest.mark.parametrize('command', [
+    FlightCommand(0, fc.GO_TO, position=(0.5, 0.0, -1.0)),
+    FlightCommand(0, fc.FOLLOW, trajectory=loop()), FlightCommand(0, fc.STOP)])
+def test_what_replaces_a_take_off_that_waits_begins_with_a_take_off(t, command):
+    """The failsafe then refuses a vehicle that is not aligned."""
+    line = flown(UP._replace(t=0), command._replace(t=t))
+    phases = [tl.state_of(line, 0.005 * k)[1] for k in range(4000)]
+    if command.kind == fc.STOP and t < S // 2:
+        assert set(phases) == {GROUND}
+        return
+    first = next(k for k, phase in enumerate(phases) if phase != GROUND)
+    assert phases[first] == TAKEOFF and first * 0.005 == pytest.approx(0.5)
+    assert phases[-1] == TRACK
+
+
+@pytest.mark.parametrize(('late', 'duration', 'taken'), [
+    (0.2, 5.0, True), (0.2, 12.0, False), (0.2, 60.0, False), (1.2, 60.0, True)])  # above by then
+def test_a_go_to_that_lingers_near_the_floor_is_refused(late, duration, taken):
+    line = flown(UP)
+    command = FlightCommand(UP.t + round(late * S), fc.GO_TO, position=(0.0, 0.0, -0.9),
+                            duration=duration)
+    if taken:
+        flown(UP, command)
+    else:
+        assert 'the vehicle would be below the lowest flight, 0.5 m, for' in refused(line, command)
+    high = command._replace(t=UP.t + 8 * S)
+    flown(UP, high)  # once it is up, a slow one is none
 
 
 def test_commands_that_do_not_fit_the_moment_are_refused():

@@ -28,8 +28,8 @@ _STATES = {'true': 'true state', 'estimated': 'estimates',
 
 
 def survived(row: Mapping[str, Any]) -> bool:
-    """Return whether a flight was not shut down, did not fall and stayed within LOST."""
-    return not (row['shutdown'] or row['fallen']) and row['tracking_max'] < LOST
+    """Return whether a flight had no shutdown, failsafe or fall, and stayed within LOST."""
+    return not (row['shutdown'] or row['failsafe'] or row['fallen']) and row['tracking_max'] < LOST
 
 
 def results(

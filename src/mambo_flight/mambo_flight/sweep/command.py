@@ -104,6 +104,9 @@ def summary(data: Mapping[str, Sequence[Any]]) -> str:
     if grounded := int(np.isnan(np.asarray(data['tracking_rms'], dtype=float)).sum()):
         lines.append(f'{grounded} of {flights} flights never took off: no errors')
     lines.append(f'{sum(data["shutdown"])} of {flights} flights were shut down')
+    if landed := sum(bool(why) and not down for why, down in zip(
+            data['failsafe'], data['shutdown'], strict=True)):
+        lines.append(f'{landed} of {flights} flights ended while the failsafe held or landed them')
     if fallen := sum(data['fallen']):
         lines.append(f'{fallen} of {flights} flights lay on the floor below their reference')
     rows = zip(*(values for name, values in data.items() if name != 'flight'), strict=True)

@@ -53,11 +53,12 @@ class Tally(NamedTuple):
     fallen: bool  # whether it lay there for LONG or more
     asked_from: float  # s, from when to when the reference in flight was above LOW; NaN: never
     asked_until: float  # s
+    failsafe: int  # reason of the newest command, safety.REASON_*; none: it follows the reference
 
 
 START = Tally(
     0, (0.0, 0.0, 0.0), 0.0, 0.0, (0.0, 0.0, 0.0), 0.0, 0.0, 0, 0, 0.0, 0.0, math.nan, 0,
-    -math.inf, math.nan, False, math.nan, math.nan)
+    -math.inf, math.nan, False, math.nan, math.nan, 0)
 
 
 @jit
@@ -108,12 +109,12 @@ def count(
         return Tally(
             a.steps, a.tracking, a.tracking_max, track, a.estimation, a.estimation_max, drift,
             a.running + runs, a.saturated + cut, max(a.pwm_max, highest), effort, at,
-            reason if stopped else a.reason, top, since, fell, begun, ended)
+            reason if stopped else a.reason, top, since, fell, begun, ended, reason)
     return Tally(
         a.steps + 1, add(a.tracking, mul(off, off)), max(a.tracking_max, track), track,
         add(a.estimation, mul(wrong, wrong)), max(a.estimation_max, drift), drift,
         a.running + runs, a.saturated + cut, max(a.pwm_max, highest), effort, at,
-        reason if stopped else a.reason, top, since, fell, begun, ended)
+        reason if stopped else a.reason, top, since, fell, begun, ended, reason)
 
 
 def _standing(flight: Scenario) -> bool:
@@ -148,7 +149,8 @@ def metrics(
         flight, ``final`` the length at the end. ``energy`` in J is the ideal power of the rotors
         at the commanded thrusts over the efficiency of the drive, integrated. NaN in place of
         ``rms`` and ``max`` if nothing was flown, and of these and ``final`` if the vehicle never
-        took off. ``fallen`` tells whether it lay on the floor below its reference, see
+        took off. ``failsafe`` is why the failsafe held or landed the vehicle at the end, empty
+        if it did not. ``fallen`` tells whether it lay on the floor below its reference, see
         :mod:`mambo_model.motion.height_check`.
 
     """
@@ -168,6 +170,7 @@ def metrics(
     out['energy'] = STEP * ideal / vehicle.battery.efficiency
     out['shutdown'], out['shutdown_time'] = not math.isnan(a.stopped_at), a.stopped_at
     out['shutdown_reason'] = failsafe.REASONS[a.reason]
+    out['failsafe'] = failsafe.REASONS[a.failsafe]
     never_rose = grounded and a.asked_until - a.asked_from >= LONG
     out['fallen'] = floor and (a.fallen or never_rose)
     return out

@@ -11,7 +11,7 @@ from mambo_flight.sweep import table
 import pytest
 
 ROW = {'tracking_rms': 0.01, 'tracking_max': 0.1, 'tracking_final': 0.02, 'saturated_share': 0.0,
-       'energy': 50.0, 'shutdown': False, 'fallen': False, 'fault': ''}
+       'energy': 50.0, 'shutdown': False, 'failsafe': '', 'fallen': False, 'fault': ''}
 
 
 @pytest.mark.parametrize('options, message', [

@@ -11,7 +11,7 @@ import pytest
 def row(rms, largest=0.1, shutdown=False):
     return {'tracking_rms': rms, 'tracking_max': largest, 'tracking_final': 2.0 * rms,
             'saturated_share': 0.25, 'energy': 100.0 * rms, 'shutdown': shutdown,
-            'fallen': False}
+            'failsafe': '', 'fallen': False}
 
 
 STARTS = [Start('indi', 'circle', 'known', draw) for draw in range(4)]
@@ -51,6 +51,7 @@ def test_a_picture_is_drawn(tmp_path):
 
 @pytest.mark.parametrize(('changed', 'alive'), [
     ({}, True), ({'shutdown': True}, False), ({'fallen': True}, False),
+    ({'failsafe': 'estimate lost'}, False),
     ({'tracking_max': 2.0}, False),
     ({'tracking_max': 1.999}, True), ({'tracking_max': float('nan')}, False)])
 def test_a_flight_that_is_not_shut_down_nor_off_nor_on_the_floor_survives(changed, alive):

@@ -18,7 +18,7 @@ vary:
   duration: 2.5
   sim_node.simulator.vehicle.mass: [0.063, 0.068]
 """
-ROW = dict.fromkeys(command.SHOWN, 0.5) | {'shutdown': False, 'fallen': False}
+ROW = dict.fromkeys(command.SHOWN, 0.5) | {'shutdown': False, 'failsafe': '', 'fallen': False}
 
 
 @pytest.fixture
@@ -102,20 +102,21 @@ def test_a_summary_has_percentiles_of_what_is_finite_and_counts_shutdowns():
     data = {name: list(values) for name in command.SHOWN}
     data['pwm_max'] = [math.nan] * 103
     data |= {'flight': list(range(103)), 'shutdown': [True] * 3 + [False] * 100,
-             'fallen': [True] * 2 + [False] * 101}
+             'failsafe': ['crash'] * 5 + [''] * 98, 'fallen': [True] * 2 + [False] * 101}
     lines = summary(data).splitlines()
     row = next(line for line in lines if line.startswith('tracking_rms'))
     assert row.split()[1:] == ['5', '50', '95', '100']
     assert not any(line.startswith('pwm_max') for line in lines)  # nothing to tell
-    assert lines[-3:] == ['1 of 103 flights never took off: no errors',
+    assert lines[-4:] == ['1 of 103 flights never took off: no errors',
                           '3 of 103 flights were shut down',
+                          '2 of 103 flights ended while the failsafe held or landed them',
                           '2 of 103 flights lay on the floor below their reference']
 
 
 def test_a_summary_counts_flights_that_repeat_another_one():
     data = {name: [0.5, math.nan, 0.5, float('nan'), 0.5] for name in command.SHOWN}
-    data |= {'flight': list(range(5)), 'shutdown': [False] * 5, 'fallen': [False] * 5,
-             'seed': [1, 2, 1, 2, 3]}
+    data |= {'flight': list(range(5)), 'shutdown': [False] * 5, 'failsafe': [''] * 5,
+             'fallen': [False] * 5, 'seed': [1, 2, 1, 2, 3]}
     assert summary(data).splitlines()[-1] == (
         '2 of 5 flights repeat another one, with all its values')
     assert 'repeat' not in summary(data | {'seed': [1, 2, 3, 4, 5]})

@@ -3,6 +3,7 @@
 import math
 
 from hypothesis import given, settings, strategies as st
+from mambo_control import failsafe
 from mambo_flight import closed_loop
 from mambo_flight.scenario import replaced, scenario
 from mambo_flight.sweep import monte_carlo
@@ -79,6 +80,18 @@ def test_a_flight_on_the_floor_below_its_reference_has_fallen():
     assert row['fallen'] and not row['shutdown']
     assert monte_carlo.fly_with_sensors(heavy)['fallen']
     assert not monte_carlo.fly_with_sensors(TRUTH)['fallen']
+
+
+def test_a_flight_that_ends_in_the_hands_of_the_failsafe_is_told():
+    over = count(count(monte_carlo.START, 0.5, 1.0, reason=3), 1.0, 1.0)
+    assert monte_carlo.metrics(over, Vehicle())['failsafe'] == ''
+    late = monte_carlo.metrics(count(over, 1.5, 1.0, reason=3), Vehicle())
+    assert late['failsafe'] == failsafe.REASONS[3] and not late['shutdown']
+    assert late['shutdown_reason'] == ''
+    flight = scenario('hover', duration=10.0, land=False, overrides={
+        'controller_node.changes': '- {time: 8.0, set: {failsafe.height_std: 0.001}}'})
+    row = monte_carlo.fly_with_sensors(flight)
+    assert row['failsafe'].startswith('estimate lost') and not row['shutdown']
 
 
 def test_what_is_not_in_flight_counts_for_the_end_alone():

@@ -26,6 +26,7 @@ MAX_PIECES = 1000
 LONGEST = 3600.0   # s, of a piece
 FARTHEST = 1000.0  # m, of a seam from the origin
 JUMPS = (('position', 0.01, 'm'), ('velocity', 0.05, 'm/s'))  # that rounding does not explain
+YAW_JUMP = 0.01    # rad, likewise; whole turns are none
 _SIGNS = np.array([1.0, -1.0, -1.0, -1.0])[:, None]
 _BYTES = 30 * len(HEADER) * MAX_PIECES  # of a text
 
@@ -143,6 +144,9 @@ def _check_seams(course: Course, where: str, lines: list[int]) -> None:
             if gap > most:
                 fail(where, line, f'{name} jumps by {gap:.3g} {unit} from the end of the piece '
                      'before')
+        turn = float(first[i, 3, 0] - last[i - 1, 3, 0]) if i else 0.0
+        if (turn := abs(math.remainder(turn, 2.0 * math.pi))) > YAW_JUMP:
+            fail(where, line, f'yaw jumps by {turn:.3g} rad from the end of the piece before')
 
 
 def load(path: Path) -> Course:

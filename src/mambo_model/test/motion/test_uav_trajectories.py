@@ -13,6 +13,15 @@ def text(*rows):
     return '\n'.join((HEADER, *rows)) + '\n'
 
 
+def turned(angle):
+    """Return that piece with another yaw."""
+    return f'{ROW[:ROW.rindex("0.5")]}{0.5 + angle!r}{",0.0" * 7}'
+
+
+def test_a_yaw_may_go_on_a_whole_turn_away():
+    assert uav.parse(text(ROW, turned(2.0 * np.pi), turned(-4.0 * np.pi))).total == 3.0
+
+
 def test_a_course_comes_back_to_the_bit():
     rng = np.random.default_rng(1)
     duration, c = rng.uniform(0.3, 2.0, 5), rng.normal(size=(5, 4, 8))
@@ -57,6 +66,8 @@ def test_a_file_as_the_crazyswarm_writes_it_is_read(tmp_path):
      'c.csv:2: the piece is 1.5e.03 m away .* positions are in metres, times in seconds'),
     (text(ROW, ROW.replace('0.5', '0.6', 1)), 'c.csv:3: position jumps by 0.1 m from the end'),
     (text(ROW, ROW.replace('0.5,0.0', '0.5,0.2', 1)), 'c.csv:3: velocity jumps by 0.2 m/s'),
+    (text(ROW, turned(0.4)), 'c.csv:3: yaw jumps by 0.4 rad from the end of the piece before'),
+    (text(ROW, turned(-3.0)), 'c.csv:3: yaw jumps by 3 rad from the end of'),
     (text(*[ROW] * 1001), 'c.csv: 1001 pieces; a course has at most 1000'),
 ])
 def test_what_is_wrong_is_named_by_file_and_row(tmp_path, content, message):
