@@ -6,16 +6,16 @@ import math
 
 from mambo_bags.reader import Bag
 from mambo_signals.height_check import LEAST_ROWS
-from mambo_signals.resample import longest_run
 import numpy as np
 
 from .plausible import Floats, LARGEST_PWM
 
 LEAST_VOLTS = 2.5  # of a battery in flight; means of 43 flights of NanoBench are 3.2 or more
 SAG = 0.5  # [-] of its median, below which no battery flies a drone
+RISE = 1.5  # [-] of it, above which none is: full over empty is 1.4
 SHARES = 1.0  # the largest command of a mapping to shares of the full one
 UNEQUAL = 2.0  # median command of a motor over that of the others; 1.54 in 139 real recordings
-STOPPED = 0.5  # [s] for which no drone flies with a motor at rest
+STOPPED = 0.5  # [s] in all, for which no drone flies with a motor at rest
 
 
 def battery(bag: Bag) -> list[str]:
@@ -29,12 +29,13 @@ def battery(bag: Bag) -> list[str]:
         return []
     if (usual := float(np.median(volts))) < LEAST_VOLTS:
         return [f'battery: it has a median of {usual:.3g} V: check its column and unit']
-    low = volts < SAG * usual
-    if not low.any():
-        return []
-    return [f'battery: {int(low.sum())} of {len(volts)} voltages are below half of their median, '
-            f'{usual:.3g} V, down to {volts.min():.3g} V, the first at {t[low.argmax()]:.2f} s: '
-            'were they measured?']
+    return [
+        f'battery: {int(wrong.sum())} of {len(volts)} voltages are {side} their median, '
+        f'{usual:.3g} V, {most}, the first at {t[wrong.argmax()]:.2f} s: were they measured?'
+        for wrong, side, most in (
+            (volts < SAG * usual, 'less than half of', f'down to {volts.min():.3g} V'),
+            (volts > RISE * usual, f'more than {RISE:g} times', f'up to {volts.max():.3g} V'))
+        if wrong.any()]
 
 
 def commands(bag: Bag) -> list[str]:
@@ -78,14 +79,15 @@ def stopped(t: Floats, pwm: Floats) -> list[str]:
     pwm : (n, 4)
 
     """
-    out = []
+    out, step = [], float(np.median(np.diff(t))) if len(t) > 1 else 0.0
     for motor in range(pwm.shape[1]):
         others = np.delete(pwm, motor, axis=1).mean(axis=1)
-        part = longest_run((pwm[:, motor] == 0.0) & (others > 0.5 * others.max(initial=0.0)))
-        if part.stop > part.start and t[part.stop - 1] - t[part.start] > STOPPED:
-            out.append(f'motor_pwm: motor {motor + 1} has the command 0 from {t[part.start]:.2f} '
-                       f'to {t[part.stop - 1]:.2f} s, while the others fly the drone: check its '
-                       'column')
+        still = np.flatnonzero(
+            (pwm[:, motor] == 0.0) & (others > 0.5 * others.max(initial=0.0)))
+        if len(still) * step > STOPPED:
+            out.append(f'motor_pwm: motor {motor + 1} has the command 0 for '
+                       f'{len(still) * step:.2f} s, from {t[still[0]]:.2f} to '
+                       f'{t[still[-1]]:.2f} s, while the others fly the drone: check its column')
     return out
 
 
