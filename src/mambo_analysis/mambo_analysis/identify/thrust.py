@@ -32,6 +32,7 @@ Floats = NDArray[np.float64]
 
 METHOD = 'intervals of 95 %: least squares of independent readings, Student t'
 LIFT = (1.0, 6.0)  # largest thrust of four motors over the weight, of what flies; the Mambo 2.6
+COARSE = 0.02  # [-] step of a display by the smallest thrust, above which it is told
 STRAY = 2.0  # factor by which a thrust is misread; 1.03 at most on a real bench
 REACH = (0.5, 1.5)  # largest command of a bench over the limit of the base; 0.96 on a real one
 LIKE = (0.4, 2.5)  # thrust over that of the base at the largest command; 0.8 on a real bench
@@ -225,6 +226,25 @@ def uneven(X: Floats, T: Floats, found: Thrust) -> str:
             'readings at each command, or more of large thrusts')
 
 
+def display_step(thrust: Floats) -> float:
+    """Return the step of a display: 1, 2 or 5 times a power of ten that divides all; 0: none."""
+    for power in range(2, -7, -1):
+        for digit in (5.0, 2.0, 1.0):
+            parts = thrust / (step := digit * 10.0 ** power)
+            if np.abs(parts - np.round(parts)).max(initial=0.0) < 1e-6:
+                return step if np.any(thrust) else 0.0
+    return 0.0
+
+
+def coarse(T: Floats, step: float) -> str:
+    """Return in words that thrusts, (n,) N, are read in coarse steps, N; empty: they are not."""
+    if not step > COARSE * T.min():
+        return ''
+    return (f'the thrusts are multiples of {step:.3g} N, {100.0 * step / T.min():.2g} % of the '
+            'smallest: the errors of readings are not independent then, and the intervals may '
+            'not hold; leave small thrusts out, or read a finer scale')
+
+
 def misfit(X: Floats, T: Floats, found: Thrust) -> str:
     """
     Return in words that the power law misses repeated readings; empty: it does not, or none are.
@@ -293,7 +313,9 @@ def _changed(found: Thrust, source: str) -> dict[str, tuple[Any, str]]:
         'power_b': (found.b.value, f'{source}, 95 %: {found.b.low:.4g} to {found.b.high:.4g}')}
 
 
-def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> result.Report:
+def _report(
+    options: argparse.Namespace, pwm: Floats, thrust: Floats, step: float,
+) -> result.Report:
     found = fit_thrust(pwm, thrust, options.max_pwm)
     changed = _changed(found, f'identify_thrust, {options.file.name}')
     middle = float(np.exp(np.mean(np.log(pwm[found.used]))))
@@ -336,7 +358,7 @@ def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> result.
                      f'rotors {USUAL[0]:g} to {USUAL[1]:g} are usual: check the zero of the scale '
                      'and of the command')
     notes += filter(None, [doubt(pwm[found.used], thrust[found.used], found)
-                           for doubt in (uneven, misfit)])
+                           for doubt in (uneven, misfit)] + [coarse(thrust[found.used], step)])
     report = result.Report(
         f'motor map of {options.file.name}',
         {'linear gain': found.gain, 'a': found.a, 'b': found.b}, facts, notes, changed,
@@ -353,9 +375,13 @@ def _report(options: argparse.Namespace, pwm: Floats, thrust: Floats) -> result.
 
 
 def _refuse_copies(pwm: Floats, thrust: Floats, path: Path) -> None:
-    """Raise IdentifyError if every reading, (n,), stands there equally often, more than once."""
-    if len(pwm) != len(thrust):
-        return  # said where they are fitted
+    """
+    Raise IdentifyError if every reading, (n,), stands there equally often, more than once.
+
+    A display with coarse steps may well repeat its number.
+    """
+    if len(pwm) != len(thrust) or display_step(thrust) > 0.1 * COARSE * np.abs(thrust).max():
+        return  # the former is said where they are fitted
     _, counts = np.unique(np.stack([pwm, thrust]), axis=1, return_counts=True)
     if len(counts) and counts.min() == counts.max() > 1:
         raise IdentifyError(
@@ -404,7 +430,8 @@ def main(arguments: list[str] | None = None) -> int:
         _, thrust = columns.column(table, options.thrust, options.file)
         _refuse_copies(pwm, thrust, options.file)
         factor = options.gravity / 1000.0 if options.unit == 'g' else 1.0
-        return _report(options, pwm, factor / options.motors * thrust)
+        factor /= options.motors
+        return _report(options, pwm, factor * thrust, factor * display_step(thrust))
     return result.run('identify_thrust', options, work)
 
 

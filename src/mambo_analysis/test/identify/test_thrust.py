@@ -280,3 +280,25 @@ def test_sound_benches_are_seldom_told():
         T = A * X ** B * noise
         told += bool(thrust.misfit(X, T, fit_thrust(X, T)))
     assert told <= 2
+
+
+@pytest.mark.parametrize(('thrusts', 'step'), [
+    ([1.0, 2.0, 4.0, 7.0], 1.0), ([2.0, 4.0, 8.0], 2.0), ([0.5, 1.5, 10.0], 0.5),
+    ([0.1, 0.25, 3.0], 0.05), ([50.0, 100.0], 50.0), ([0.123456789, 1.0], 0.0), ([0.0, 0.0], 0.0)])
+def test_the_step_of_a_display_is_seen(thrusts, step):
+    assert thrust.display_step(np.array(thrusts)) == pytest.approx(step)
+
+
+def test_readings_of_a_coarse_display_are_told_and_no_copies(tmp_path, capsys):
+    pwm = np.repeat(np.arange(50.0, 351.0, 60.0), 3)
+    grams = np.round(4.29e-5 * pwm ** 1.47 * 1000.0 / 9.81)
+    file = tmp_path / 'kitchen.csv'
+    np.savetxt(file, np.column_stack([pwm, grams]), '%g', ',', header='pwm,thrust', comments='')
+    assert thrust.main([str(file), '--unit', 'g', '--base', 'identified']) == 0
+    out = capsys.readouterr().out
+    assert 'the thrusts are multiples of 0.00981 N, ' in out and 'of the smallest' in out
+    fine = np.column_stack([pwm, 1000.0 * 4.29e-5 / 9.81 * pwm ** 1.47 * (1.0 + 1e-3 * np.sin(
+        np.arange(len(pwm)) ** 2))])
+    np.savetxt(file, fine, '%.3f', ',', header='pwm,thrust', comments='')
+    assert thrust.main([str(file), '--unit', 'g', '--base', 'identified']) == 0
+    assert 'multiples of' not in capsys.readouterr().out
