@@ -7,7 +7,8 @@ import pytest
 
 def test_a_bag_is_enough():
     found = RecorderNodeParams(bag='my_flight')
-    assert flatten(found) == {'bag': 'my_flight', 'topics': '', 'scenario': '', 'world': ''}
+    assert flatten(found) == {
+        'bag': 'my_flight', 'topics': '', 'scenario': '', 'whole': True, 'world': ''}
 
 
 def test_without_a_bag_it_says_which_parameter_is_missing():
