@@ -172,12 +172,14 @@ def test_samples_that_were_published_and_not_recorded_are_a_fault(start, tmp_pat
 @pytest.mark.parametrize('whole', [True, False])
 def test_a_topic_of_every_step_that_ends_early_is_a_fault_but_in_a_replay(start, whole):
     node, take = start(whole=whole)
-    fly(take, 2)
+    fly(take, 2)  # a controller that ends by itself
     for k in range(3, 60):
         take[topics.CLOCK](messages.clock(k * STEP))
+        if k < 5:
+            take[topics.GROUND_TRUTH](pwm(k * STEP))
     node.finish()
-    assert node.fault == whole * ('/mambo/motor_pwm: the bag has no message after 0.010 s, and '
-                                  'the flight went on to 0.295 s')
+    assert node.fault == whole * ('/mambo/ground_truth/odom: the bag has no message after '
+                                  '0.020 s, and the flight went on to 0.295 s')
 
 
 def test_a_stranger_s_command_before_the_first_is_not_recorded(start, tmp_path):

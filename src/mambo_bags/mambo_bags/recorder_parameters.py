@@ -16,7 +16,7 @@ class RecorderNodeParams:
     scenario: str = schema.text('', 'file kept inside the bag: scenario and parameters')
     whole: bool = schema.flag(
         True, 'whether it is a fault if the bag lacks samples that sensor_tick counts, or the end '
-        'of a topic of every step; a replay lacks what its bag lacks')
+        'of a topic that the simulator publishes at every step; a replay lacks what its bag lacks')
     world: str = schema.text('', 'file kept inside the bag: the hall that several drones share')
 
     def __post_init__(self) -> None:

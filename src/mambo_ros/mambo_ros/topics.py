@@ -105,9 +105,8 @@ RECORDED = (
 COUNTED = (IMU, SONAR, OPTICAL_FLOW, BAROMETER)
 """Topics whose samples ``sensor_tick`` counts, in its order."""
 
-STEADY = (IMU, SENSOR_TICK, GROUND_TRUTH, ESTIMATE, ESTIMATOR_STATE, REFERENCE, CONTROLLER_STATE,
-          MOTOR_PWM)
-"""Topics with a message at every step of a flight."""
+STEADY = (IMU, SENSOR_TICK, GROUND_TRUTH)
+"""Topics with a message at every step of a flight, from the node of ``/clock``."""
 
 AIDED = (CAPTURE_TICK, LOCATED)
 """What the recorder takes besides where the estimator uses the motion capture."""

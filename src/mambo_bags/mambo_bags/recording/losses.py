@@ -8,7 +8,7 @@ from mambo_ros.layout import LayoutError
 from mambo_ros.messages import decode_sensor_tick
 
 LATE = 250_000_000
-"""Time in ns by which a topic of every step may end before /clock: a node that still computes."""
+"""Time in ns by which a topic of every step may end before the ``/clock`` of its node."""
 
 
 class Losses:
@@ -20,7 +20,8 @@ class Losses:
     counted
         Full names of the topics that the watermark counts, in its order.
     steady
-        Full names of the topics with a message at every step.
+        Full names of the topics with a message at every step, of the node of ``/clock``: others
+        may have ended by themselves.
 
     Attributes
     ----------
