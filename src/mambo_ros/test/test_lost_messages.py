@@ -15,9 +15,8 @@ class NoParams:
     """Nothing to set."""
 
 
-@pytest.mark.usefixtures('ros')
-@pytest.mark.parametrize('sent, lost', [(topics.QUEUE, 0), (topics.QUEUE + 500, 500)])
-def test_what_a_full_queue_displaced_is_counted(sent, lost):
+def one_heard():
+    """Return publisher, loop and guard of a topic, what was heard, one message, and told."""
     simulator, reader = MamboNode('sim', NoParams), MamboNode('reader', NoParams)
     publish = simulator.advertise(topics.CLOCK)
     heard, told = [], []
@@ -28,6 +27,13 @@ def test_what_a_full_queue_displaced_is_counted(sent, lost):
     until(lambda: publish.publisher.get_subscription_count(), 'the reader')
     publish(messages.clock(0))
     until(lambda: heard, 'the first message', lambda: loop.once(0.01))
+    return publish, loop, guard, heard, told
+
+
+@pytest.mark.usefixtures('ros')
+@pytest.mark.parametrize('sent, lost', [(topics.QUEUE, 0), (topics.QUEUE + 500, 500)])
+def test_what_a_full_queue_displaced_is_counted(sent, lost):
+    publish, loop, guard, heard, told = one_heard()
     for k in range(1, sent + 1):
         publish(messages.clock(k))
     until(lambda: heard[-1] == messages.clock(sent), 'the last message', lambda: loop.once(0.01))
@@ -72,16 +78,7 @@ def test_messages_that_the_use_of_one_takes_are_not_lost(alone):
 def test_what_an_ending_node_did_not_read_is_told(monkeypatch, longest, unread, urgent):
     """A slow disk keeps a recorder from what has arrived, or a second signal does."""
     monkeypatch.setattr(loops, '_LONGEST', longest)
-    simulator, reader = MamboNode('sim', NoParams), MamboNode('reader', NoParams)
-    publish = simulator.advertise(topics.CLOCK)
-    heard, told = [], []
-    reader.subscribe(topics.CLOCK, heard.append, single=True)
-    (guard,) = reader.input_guards
-    guard.incomplete = lambda *what: told.append(what)
-    loop = Loop(reader)
-    until(lambda: publish.publisher.get_subscription_count(), 'the reader')
-    publish(messages.clock(0))
-    until(lambda: heard, 'the first message', lambda: loop.once(0.01))
+    publish, loop, guard, heard, told = one_heard()
     for k in range(1, 300):
         publish(messages.clock(k))
     until(lambda: loops.any_waiting(loop._entries, loop._context), 'the others')

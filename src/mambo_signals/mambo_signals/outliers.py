@@ -63,12 +63,10 @@ def _placeholders(times: Floats, position: Floats, turns: Rotation) -> Bools:
     jumps[_jumps(times, position, turns)] = True
     for first, end in runs(np.append(False, (np.diff(position, axis=0) == 0.0).all(axis=1))):
         out[first - 1:end] = jumps[first - 1] and jumps[end]
-    equal = (np.ptp(position, axis=1) == 0.0)
-    for first, end in runs(equal):
-        sides = [k for k in (first - 1, end) if 0 <= k < len(times)]
-        if len(sides) == 2 and all(
-                np.linalg.norm(position[k] - position[first]) > SAME_SHIFT for k in sides):
-            out[first:end] = True
+    for first, end in runs(np.ptp(position, axis=1) == 0.0):
+        if 0 < first and end < len(times):
+            steps = np.linalg.norm(position[[first - 1, end]] - position[first], axis=1)
+            out[first:end] |= steps.min() > SAME_SHIFT
     return out
 
 

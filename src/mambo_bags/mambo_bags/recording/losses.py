@@ -39,6 +39,7 @@ class Losses:
     def counting(self, take: Callable[[bytes], None]) -> Callable[[bytes], None]:
         """Return the callback of the watermark, which counts the samples; take: what records."""
         def count(data: bytes) -> None:
+            """Record a watermark and keep its counts."""
             take(data)
             try:
                 _, self._published = decode_sensor_tick(data)
