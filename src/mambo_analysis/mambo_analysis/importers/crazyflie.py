@@ -128,6 +128,8 @@ class Log:
         Whether the file has the layout of the course's first years.
     steep
         {name: values beyond a quarter turn that were left out}, of the pitches that had some.
+    before
+        Samples of the drone's position in which its whole pose is 0, before its estimate began.
 
     """
 
@@ -139,6 +141,7 @@ class Log:
     ignored: list[str]
     former: bool
     steep: dict[str, int]
+    before: int
 
     def has(self, *names: str) -> bool:
         """Return whether all signals are present."""
@@ -244,15 +247,38 @@ def read_log(source: Source) -> Log:
         wrong = plausible.refuse_steep(f'{path}: theta', *drone['theta'])
         steep['theta'] = int(wrong.sum())
         drone['theta'] = drone['theta'][0][~wrong], drone['theta'][1][~wrong]
+    before = _leave_out_before(drone)
     known = {*USED, *(() if 'w_x' in drone else GYRO)}
     ignored += [name for name in drone if name not in known]
     log = Log(drone, mocap, lost, impossible, still, ignored, former,
-              {name: count for name, count in steep.items() if count})
+              {name: count for name, count in steep.items() if count}, before)
     if not (log.has(*RATES) or log.has(*GYRO)):
         raise BagError(f'{path}: no gyro (ae483log.w_x, w_y, w_z or gyro.x, y, z) with finite '
                        f'values; it has {", ".join(found["drone"]) or "no signals"}')
     _check(path, log)
     return log
+
+
+def _leave_out_before(drone: dict[str, tuple[Floats, Floats]]) -> int:
+    """
+    Leave out what the drone "estimates" before its estimate begins: all of the pose is 0 there.
+
+    Returns
+    -------
+    Number of samples of the position that are left out.
+
+    """
+    if not all(name in drone for name in ODOMETRY):
+        return 0
+    begins = [t[np.argmax(v != 0.0)] for t, v in map(drone.get, ODOMETRY[:6]) if v.any()]
+    if not begins:
+        return 0
+    count = int((drone[ODOMETRY[0]][0] < min(begins)).sum())
+    for name in ODOMETRY[:9]:
+        t, v = drone.pop(name)
+        if (after := t >= min(begins)).any():
+            drone[name] = t[after], v[after]
+    return count
 
 
 def _check(path: Path, log: Log) -> None:
@@ -688,6 +714,8 @@ def import_crazyflie(
         **({'layout': "of the course's first years: times in ms, o_x for p_x"}
            if log.former else {}),
         **({'beyond_quarter_turn': '; '.join(_left_out(log))} if log.steep else {}),
+        **({'not_begun': f'onboard/odom: {log.before} samples left out at the start: its pose is '
+                         '0 there, as its estimate has not begun'} if log.before else {}),
         **{key: '; '.join(lines) for key, lines in (
             ('incomplete', crazyflie_doubts.incomplete(log)),
             ('unusual', crazyflie_doubts.unusual(log) + _other_scale(log, offset))) if lines}})
@@ -738,7 +766,7 @@ def main(arguments: list[str] | None = None) -> int:
             options.level, options.repeated_flow)
         notes = [f'{key}: {details[key]}' for key in details if key.startswith(
             ('layout', 'mocap', 'range', 'accelerometer'))]
-        for key in ('beyond_quarter_turn', 'incomplete', 'unusual'):
+        for key in ('beyond_quarter_turn', 'not_begun', 'incomplete', 'unusual'):
             notes += details[key].split('; ') if key in details else []
         ignored = [] if details['ignored'] == 'nothing' else details['ignored'].split(', ')
         notes += [about.describe('optitrack/pose', count) for about, key in (

@@ -665,6 +665,30 @@ def test_a_few_pitches_beyond_a_quarter_turn_are_left_out_and_counted(made, tmp_
     np.testing.assert_allclose(pitch, 0.2, atol=1e-9)
 
 
+def test_what_stands_at_0_before_the_estimate_begins_is_left_out_and_counted(
+    made, tmp_path, capsys,
+):
+    log = flight()
+    for name in ('p_x', 'p_y', 'p_z', 'psi', 'theta', 'phi', 'v_x', 'v_y', 'v_z'):
+        log['drone'][f'ae483log.{name}']['data'][:150] = [0.0] * 150
+    assert main([str(save(tmp_path / 'log.json', log)), str(tmp_path / 'bag')]) == 0
+    assert ('onboard/odom: 150 samples left out at the start: its pose is 0 there, as its '
+            'estimate has not begun\n') in capsys.readouterr().out
+    odom, whole = read_bag(tmp_path / 'bag')['onboard/odom'], made['onboard/odom']
+    np.testing.assert_array_equal(odom.stamp, whole.stamp[150:])
+    np.testing.assert_array_equal(odom.position, whole.position[150:])
+    np.testing.assert_array_equal(odom.velocity, whole.velocity[150:])
+
+
+def test_an_estimate_that_begins_at_0_in_some_axes_is_kept_whole(made, tmp_path, capsys):
+    log = flight()
+    for name in ('p_x', 'p_y', 'p_z', 'theta', 'phi'):
+        log['drone'][f'ae483log.{name}']['data'][:150] = [0.0] * 150
+    assert main([str(save(tmp_path / 'log.json', log)), str(tmp_path / 'bag')]) == 0
+    assert 'left out at the start' not in capsys.readouterr().out
+    assert len(read_bag(tmp_path / 'bag')['onboard/odom']) == len(made['onboard/odom'])
+
+
 def test_a_gyro_whose_axes_never_meet_is_refused(tmp_path, capsys):
     log = flight()
     del log['mocap']
@@ -691,7 +715,7 @@ def test_an_existing_bag_is_never_overwritten(tmp_path, capsys):
 def test_range_and_motion_capture_of_the_real_flights(path):
     log = read_log(read_source(path))
     found = mocap_offset(log)
-    starts = max(t[0] for t, _ in log.drone.values())
+    starts = max(log.drone[name][0][0] for name in ('w_x', 'w_z', 'r', 'm_1'))
     shift = found.offset + log.mocap[0, 0] - starts
     # both were started by one script; 0.071 to 0.127 s are found, +- 2 to 10 ms
     assert 0.05 < shift < 0.15 and found.sigma < 0.015
