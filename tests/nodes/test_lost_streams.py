@@ -86,6 +86,40 @@ def test_a_stream_that_is_ahead_by_the_patience_is_answered_alone(controller, st
     assert not shutdown and all(MAMBO.pwm_min <= x <= MAMBO.pwm_max for x in pwm)
 
 
+@pytest.mark.parametrize('first', ['estimate', 'reference'])
+def test_a_stream_that_is_read_late_is_not_taken_for_lost(controller, first):
+    """A node that hangs finds both streams waiting, and reads one of them first."""
+    controller.estimate(0)
+    controller.reference(0)
+    second = {'estimate': 'reference', 'reference': 'estimate'}[first]
+    unread = list(range(1, 100))
+
+    def pull():
+        while unread:
+            getattr(controller, second)(unread.pop(0))
+    guard = controller.node._streams[('reference', 'estimate').index(second)]
+    guard.pull = pull
+    for k in range(1, 100):
+        getattr(controller, first)(k)
+    pull()
+    assert controller.stamps == list(range(100))
+    assert controller.node.stage == failsafe.FLYING
+
+
+def test_what_a_publisher_sent_before_it_left_is_answered(controller):
+    controller.estimate(0)
+    controller.reference(0)
+    for k in range(1, 5):
+        controller.reference(k)
+    unread = list(range(1, 5))
+    controller.node._streams[1].pull = lambda: [
+        controller.estimate(unread.pop(0)) for _ in range(len(unread))]
+    controller.publish = {'reference'}
+    controller.node._look()
+    assert controller.stamps == [0, 1, 2, 3, 4]
+    assert controller.node.stage == failsafe.FLYING
+
+
 def test_a_single_gap_is_answered_when_it_is_overdue_and_no_later_pair_has_come(controller):
     for k in range(5):
         controller.estimate(k)

@@ -69,7 +69,7 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         self._estimates: dict[int, tuple[State, Spread]] = {}
         self._references: dict[int, tuple] = {}
         self._last = -1
-        self._gone = (False, False)  # nobody publishes estimates, references any more
+        self._gone = (False, False)  # nobody publishes references, estimates any more
         self._told = failsafe.FLYING
         self.compile(p)
         self.held = self._begin()
@@ -80,11 +80,12 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         self._time = self.accept(topics.CLOCK, messages.decode_clock, _nothing, prompt=False)
         bounds = {'now': self._time, 'ahead': round(p.period * 1e9), 'tolerant': True}
         self._estimate = topics.LOCATED if p.estimate == 'map' else topics.ESTIMATE
-        for guard in (
-                self.accept(topics.REFERENCE, messages.decode_reference, self._on_reference,
-                            check=_check_reference, **bounds),
-                self.accept(self._estimate, messages.decode_estimate, self._on_estimate,
-                            check=_check_estimate, **bounds)):
+        self._pulling, self._streams = False, (
+            self.accept(topics.REFERENCE, messages.decode_reference, self._on_reference,
+                        check=_check_reference, **bounds),
+            self.accept(self._estimate, messages.decode_estimate, self._on_estimate,
+                        check=_check_estimate, **bounds))
+        for guard in self._streams:
             guard.forgotten = self._forget
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # goes on when the wall clock is set back
         self.create_timer(_LOOK_EVERY, self._look, clock=steady)
@@ -109,23 +110,30 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         return self._last + round(self.params.period * 1e9) if self._last >= 0 else 0
 
     def _on_estimate(self, t: int, state: State, variances: tuple[float, ...]) -> None:
-        self._pair(
-            t, self._estimates, (state, Spread(*variances)), self._references, self._gone[1])
+        self._pair(t, self._estimates, (state, Spread(*variances)), self._references, 0)
 
     def _on_reference(self, t: int, reference: Reference, phase: int) -> None:
-        self._pair(t, self._references, (reference, phase), self._estimates, self._gone[0])
+        self._pair(t, self._references, (reference, phase), self._estimates, 1)
 
-    def _pair(self, t: int, mine: dict, value: tuple, other: dict, gone: bool) -> None:
-        """Keep a message until its partner of the same stamp is there or overdue; answer."""
+    def _pair(self, t: int, mine: dict, value: tuple, other: dict, which: int) -> None:
+        """Keep a message until its partner, of stream ``which``, is there or overdue; answer."""
         if t <= self._last or self._is_early(t):
             return
         mine[t] = value
         if t in other:
             self._answer(t)
         else:
-            overdue = t if gone else t - self._patience
-            for stamp in sorted(s for s in mine if s <= overdue):
-                self._answer(stamp)
+            self._answer_alone(mine, t if self._gone[which] else t - self._patience, which)
+
+    def _answer_alone(self, waiting: dict, overdue: int, which: int) -> None:
+        """Answer what waits for stream ``which``, up to a stamp, once all of that is read."""
+        if self._pulling or not any(stamp <= overdue for stamp in waiting):
+            return
+        self._pulling = True  # a node that was not run for a while finds both streams full
+        self._streams[which].pull()
+        self._pulling = False
+        for stamp in sorted(s for s in waiting if s <= overdue):
+            self._answer(stamp)
 
     def _is_early(self, t: int) -> bool:
         """Return whether a stamp is of no flight: somebody has a clock that has not begun."""
@@ -145,10 +153,10 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         begun = self._last >= 0  # before that, nobody may have been found yet
         self._gone = tuple(  # by the names that they were remapped to
             begun and not self.count_publishers(self.resolve_topic_name(topic.name))
-            for topic in (self._estimate, topics.REFERENCE))
-        for waiting, gone in zip((self._references, self._estimates), self._gone, strict=True):
-            for stamp in sorted(waiting) if gone else ():
-                self._answer(stamp)
+            for topic in (topics.REFERENCE, self._estimate))
+        for which, waiting in enumerate((self._estimates, self._references)):
+            if self._gone[which] and waiting:
+                self._answer_alone(waiting, max(waiting), which)
 
     def _answer(self, t: int) -> None:
         """Answer a stamp with what there is of it, and forget all up to it."""
