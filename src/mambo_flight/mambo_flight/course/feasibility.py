@@ -23,6 +23,7 @@ __all__ = [
 LONGEST = 100.0     # largest factor of time, tried or given by an option
 PRECISION = 1e-4    # relative precision of the stretch
 FAR = 30.0          # m, from the first point; a hall is smaller
+JUMP = 2.0          # m/s^2 of acceleration; 1 costs flatness_drag 11 mm between two parabolas
 LONG, SLOW = 600.0, 0.01  # s and m/s; a course that is longer and slower has its times in ms
 
 
@@ -76,13 +77,19 @@ def too_heavy(vehicle: Vehicle) -> str:
 
 
 def odd(course: Course) -> str:
-    """Return in words what of a course suggests another unit of positions or times, else ''."""
-    at = np.concatenate(ends(course))[:, :3, 0]  # of all pieces
+    """Return in words what of a course suggests a wrong unit or missing smoothness, else ''."""
+    first, last = ends(course)
+    at = np.concatenate([first, last])[:, :3, 0]  # of all pieces
     way = float(np.linalg.norm(at - at[0], axis=1).max())
     if way > FAR:
         return f'goes {way:.3g} m from its first point: positions are in metres'
     if course.total > LONG and way < SLOW * course.total:
         return f'takes {course.total:.4g} s to go {way:.3g} m: times are in seconds'
+    jumps = np.linalg.norm(first[1:, :3, 2] - last[:-1, :3, 2], axis=1)
+    if len(jumps) and (most := float(jumps.max())) > JUMP:
+        return (f'has an acceleration that jumps by {most:.3g} m/s^2 at t = '
+                f'{course.begin[int(jumps.argmax()) + 1]:.3f} s: no vehicle tilts at once, so it '
+                'leaves the path there')
     return ''
 
 

@@ -30,6 +30,14 @@ def moving(v=(0.0, 0.0, 0.0), a=(0.0, 0.0, 0.0), yaw=(0.0, 0.0, 0.0), duration=1
     return Course(np.array([duration]), c)
 
 
+def parabolas(jump):
+    """Return two pieces along x whose acceleration jumps by so much, in m/s^2, at 1 s."""
+    a, c = 0.5 * jump, np.zeros((2, 4, 8))
+    c[:, 2, 0] = -1.5
+    c[0, 0, 2], c[1, 0, :3] = 0.5 * a, (0.5 * a, a, -0.5 * a)
+    return Course(np.ones(2), c)
+
+
 def row(course, vehicle, t=0.0):
     times, columns = fe.demand(course, vehicle)
     return dict(zip(fe.QUANTITIES, columns[np.searchsorted(times, t)].tolist(), strict=True))
@@ -251,3 +259,11 @@ def test_a_stretched_course_can_be_flown_and_a_little_less_cannot():
     found = fe.stretch(QUICK, VEHICLE)
     assert found > 1.0 and fe.check(stretched(QUICK, found), VEHICLE) is None
     assert fe.check(stretched(QUICK, found * (1.0 - 2.0 * fe.PRECISION)), VEHICLE) is not None
+
+
+def test_an_acceleration_that_jumps_is_told_with_its_time():
+    assert fe.odd(parabolas(6.0)) == (
+        'has an acceleration that jumps by 6 m/s^2 at t = 1.000 s: no vehicle tilts at once, so '
+        'it leaves the path there')
+    assert not fe.odd(parabolas(1.0))
+    assert not fe.odd(QUICK)  # of least snap: its acceleration is continuous
