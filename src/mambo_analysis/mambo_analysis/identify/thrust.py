@@ -226,6 +226,16 @@ def uneven(X: Floats, T: Floats, found: Thrust) -> str:
             'readings at each command, or more of large thrusts')
 
 
+def unrepeated(X: Floats, found: Thrust) -> str:
+    """Return in words that too few readings are repeated to show how they err; empty: enough."""
+    if found.scale_error or (again := len(X) - len(np.unique(X))) >= LEAST_SCATTER:
+        return ''
+    return (f'{again or "no"} reading{"s repeat" if again != 1 else " repeats"} a command: the '
+            'intervals hold if readings err by a share of the thrust; with a scale that errs by '
+            f'the same whatever the thrust they are too narrow, which {LEAST_SCATTER} repeated '
+            'readings would show')
+
+
 def display_step(thrust: Floats) -> float:
     """Return the step of a display: 1, 2 or 5 times a power of ten that divides all; 0: none."""
     for power in range(2, -7, -1):
@@ -357,8 +367,10 @@ def _report(
         notes.append(f'the thrust grows with the command to the power {found.b.value:.3g}; of '
                      f'rotors {USUAL[0]:g} to {USUAL[1]:g} are usual: check the zero of the scale '
                      'and of the command')
-    notes += filter(None, [doubt(pwm[found.used], thrust[found.used], found)
-                           for doubt in (uneven, misfit)] + [coarse(thrust[found.used], step)])
+    readings = pwm[found.used], thrust[found.used]
+    notes += filter(None, [
+        uneven(*readings, found) or unrepeated(readings[0], found), misfit(*readings, found),
+        coarse(readings[1], step)])
     report = result.Report(
         f'motor map of {options.file.name}',
         {'linear gain': found.gain, 'a': found.a, 'b': found.b}, facts, notes, changed,

@@ -92,7 +92,12 @@ def test_a_scale_error_is_told(tmp_path, capsys, repeats, words):
     assert told >= 3
     np.savetxt(file, np.stack([X, A * X ** B * np.exp(0.02 * np.random.default_rng(
         0).standard_normal(len(X)))], axis=1), header='pwm,thrust', delimiter=',', comments='')
-    assert main([str(file)]) == 0 and 'scale' not in capsys.readouterr().out
+    assert main([str(file)]) == 0
+    out = capsys.readouterr().out
+    assert 'scale that errs by 0.0' not in out
+    # what single readings cannot show is said
+    assert ('no readings repeat a command: the intervals hold if readings err by a share' in out
+            ) == (repeats == 1)
 
 
 def test_fading_thrust_bends_the_map_unless_it_is_left_out():
