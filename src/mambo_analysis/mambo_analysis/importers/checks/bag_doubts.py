@@ -90,7 +90,12 @@ def _doubts(bag: Bag) -> list[str]:
         out += _onboard(bag, motions[OWN]) if OWN in motions else []
     if len(motions) == 2:
         out += _paths(motions[OWN], motions[TRACKED])
-    return out + powertrain.battery(bag) + powertrain.commands(bag) + _single(bag)
+    out += powertrain.battery(bag) + powertrain.commands(bag)
+    for one in motions.values():
+        if said := powertrain.held(bag, one):
+            out += said
+            break
+    return out + _single(bag)
 
 
 def _jumps(bag: Bag) -> list[str]:

@@ -6,6 +6,8 @@ import math
 
 from mambo_bags.reader import Bag
 from mambo_signals.height_check import LEAST_ROWS
+from mambo_signals.motion import Motion
+from mambo_signals.resample import runs
 import numpy as np
 
 from .plausible import Floats, LARGEST_PWM
@@ -16,6 +18,8 @@ RISE = 1.5  # [-] of it, above which none is: full over empty is 1.4
 SHARES = 1.0  # the largest command of a mapping to shares of the full one
 UNEQUAL = 2.0  # median command of a motor over that of the others; 1.54 in 139 real recordings
 STOPPED = 0.5  # [s] in all, for which no drone flies with a motor at rest
+HELD = 0.5  # [s] for which no controller gives one command
+MOVED = 0.1  # [m] meanwhile
 
 
 def battery(bag: Bag) -> list[str]:
@@ -89,6 +93,30 @@ def stopped(t: Floats, pwm: Floats) -> list[str]:
                        f'{len(still) * step:.2f} s, from {t[still[0]]:.2f} to '
                        f'{t[still[-1]]:.2f} s, while the others fly the drone: check its column')
     return out
+
+
+def held(bag: Bag, moving: Motion) -> list[str]:
+    """
+    Return a line about commands that stand while a motion goes on and the motors run later.
+
+    Before the first command and after the last one, a vehicle may be carried by hand.
+    """
+    if 'motor_pwm' not in bag or not len(bag['motor_pwm']):
+        return []
+    stamps, first = np.unique(bag['motor_pwm'].stamp, return_index=True)
+    pwm = np.asarray(bag['motor_pwm'].pwm, float)[first]
+    run = np.flatnonzero((pwm > 0.0).any(axis=1))
+    if not len(run):
+        return []
+    same = (np.diff(pwm[run[0]:run[-1] + 1], axis=0) == 0.0).all(axis=1)
+    stamps = stamps[run[0]:]
+    for begin, end in [(stamps[a], stamps[b]) for a, b in runs(same).tolist()]:
+        inside = (moving.stamps > begin) & (moving.stamps < end)
+        if end - begin > HELD * 1e9 and inside.any() and np.ptp(
+                moving.position[inside], axis=0).max() > MOVED:
+            return [f'motor_pwm: the commands stand from {begin * 1e-9:.2f} to {end * 1e-9:.2f} '
+                    's, while the vehicle moves: were they recorded there?']
+    return []
 
 
 def doubled(commands: Floats) -> tuple[int, int] | None:

@@ -97,3 +97,24 @@ def test_a_motor_without_commands_for_a_while_is_told(first, last, told, every):
     assert len(found) == told
     for line in found:
         assert line.startswith('motor_pwm: motor 3 has the command 0 for 0.56 s, from 2.00 to ')
+
+
+@pytest.mark.parametrize(('span', 'value', 'said'), [
+    ((0, 0), 0.0, False), ((200, 300), 0.0, True), ((150, 420), None, True),
+    ((200, 240), 0.0, False),  # 0.4 s
+    ((0, 100), 0.0, False), ((500, 600), 0.0, False)])  # carried by hand
+def test_commands_that_stand_while_the_vehicle_moves_are_told(tmp_path, span, value, said):
+    with BagWriter(tmp_path / 'bag') as writer:
+        out = Publisher(writer, {'motor_pwm': 'mambo_interfaces/msg/MotorPwm',
+                                 'optitrack/pose': 'geometry_msgs/msg/PoseStamped'})
+        pwm = np.array([300.0, 310.0, 290.0, 305.0]) + np.random.default_rng(0).normal(
+            0.0, 3.0, (600, 4))
+        pwm[slice(*span)] = pwm[span[0]] if value is None else value
+        for k in range(600):
+            out.publish('motor_pwm', 10_000_000 * k, '', pwm=pwm[k])
+            out.publish('optitrack/pose', 10_000_000 * k, 'map', pose=out.pose(
+                (np.sin(0.02 * k), 0.0, 1.0), (0.0, 0.0, 0.0, 1.0)))
+    found = [line for line in bag_doubts.doubts(read_bag(tmp_path / 'bag')) if 'motor' in line]
+    assert found == [
+        f'motor_pwm: the commands stand from {0.01 * span[0]:.2f} to {0.01 * span[1] - 0.01:.2f} '
+        's, while the vehicle moves: were they recorded there?'] * said
