@@ -215,20 +215,20 @@ class TestWatchdog:
     def test_it_stops_turning_motors_for_good_and_says_so(self, sim):
         heard = self.command(sim, 400.0)
         assert self.rise(sim, 100) > 0.5
-        sim.watch(heard + 0.49)
+        sim.watch(heard + 0.49, 1.0)
         assert sim.starved == -1 and not sim._sent
-        sim.watch(heard + 0.51)
+        sim.watch(heard + 0.51, 1.0)
         assert sim.starved == sim.t == 100 * STEP
         assert b'motors stopped at t = 0.500 s: no motor command for 0.5 s' in sim._sent[0]
         self.command(sim, 400.0)
         assert self.rise(sim, 400) == 0.0  # fallen
-        sim.watch(math.inf)
+        sim.watch(math.inf, 1.0)
         assert len(sim._sent) == 1
 
     @pytest.mark.parametrize('pwm, shutdown', [(0.0, False), (400.0, True)])
     def test_motors_that_stand_still_are_left_alone(self, sim, pwm, shutdown):
         heard = self.command(sim, pwm, shutdown)
-        sim.watch(heard + 100.0)
+        sim.watch(heard + 100.0, 1.0)
         assert sim.starved == -1
 
 
@@ -403,7 +403,7 @@ class TestPace:
         def step(sensed, deadline, answer, stalled=0.0):
             sim = SimpleNamespace(
                 sensed=sensed, answered=False, missed=0, late=0, params=SimpleNamespace(speed=1.0),
-                now=sensed, watch=lambda now: None, starved=-1,
+                now=sensed, watch=lambda now, speed: None, starved=-1,
                 delays=SimpleNamespace(count=1))
 
             def once(timeout):

@@ -184,7 +184,7 @@ def wait_for_deadline(sim: Any, loop: Any, deadline: float) -> None:
         loop.once(0.0)
     if not sim.answered:
         sim.missed += 1
-        sim.watch(time.monotonic())
+        sim.watch(time.monotonic(), sim.params.speed)
 
 
 def wait_while_paused(sim: Any, loop: Any) -> float:

@@ -41,7 +41,7 @@ class SimNodeParams:
     motor_timeout: float = schema.quantity(
         0.5, 's', 0.0, 3600.0,
         'wall time without a motor command after which turning motors stop, as a watchdog in the '
-        'firmware does it; 0: never (realtime)')
+        'firmware does it; at a speed below 1, flight time; 0: never (realtime)')
     simulator: SimulatorParams = schema.group(SimulatorParams)
     changes: str = schema.text(
         '', 'changes of noise, wind, faults and speed in flight, a YAML list: see '

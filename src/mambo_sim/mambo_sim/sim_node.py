@@ -151,11 +151,11 @@ class SimNode(node.MamboNode[SimNodeParams]):
             t, self.get_name(), diagnostics.LEVELS[level], line,
             lockstep.numbers(self.params.mode, self._tick, self.missed, self.delays)))
 
-    def watch(self, now: float) -> None:
-        """Stop the motors for good if they turn and lack commands; now: of time.monotonic, s."""
-        limit, silent = self.params.motor_timeout, now - self._last_command
+    def watch(self, now: float, speed: float) -> None:
+        """Stop motors that turn and lack commands, for good; now: s of time.monotonic."""
+        limit = self.params.motor_timeout / min(speed, 1.0)  # of flight time in slow motion
         turning = not self._shutdown and any(x > 0.0 for x in self._pwm)
-        if self.starved < 0 and turning and 0.0 < limit < silent:
+        if self.starved < 0 and turning and 0.0 < limit < now - self._last_command:
             self._starve(limit)
             self.get_logger().error(
                 f'no motor_pwm for {limit:g} s: motors stopped at t = {self.t * 1e-9:.3f} s')

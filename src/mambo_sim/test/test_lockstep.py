@@ -52,7 +52,7 @@ class Sim:
     def give_up(self):
         self.gave_up.append(self.t)
 
-    def watch(self, now):
+    def watch(self, now, speed):
         self.watched.append((self.t, now))
 
     def is_deserted(self, now):

@@ -46,19 +46,28 @@ def sim(wall):
 
 def test_the_watchdog_stops_turning_motors_once_after_its_time(sim, wall, caplog):
     sim._tick = 40
-    sim.watch(wall.now + 0.19)
+    sim.watch(wall.now + 0.19, 1.0)
     assert sim.starved == -1 and not sim.reports
-    sim.watch(wall.now + 0.21)
+    sim.watch(wall.now + 0.21, 1.0)
     assert sim.starved == sim.reports[0] == 40 * STEP_NS and sim._starved_after == 0.2
     assert 'no motor_pwm for 0.2 s: motors stopped at t = 0.200 s' in caplog.text
     sim._tick = 80
-    sim.watch(wall.now + 9.0)  # for good: the first time counts, and is said once
+    sim.watch(wall.now + 9.0, 1.0)  # for good: the first time counts, and is said once
     assert sim.starved == 40 * STEP_NS and len(sim.reports) == 1
+
+
+@pytest.mark.parametrize(('speed', 'wall_time'), [(0.1, 2.0), (1.0, 0.2), (10.0, 0.2)])
+def test_in_slow_motion_the_failsafe_has_as_much_flight_time_before_the_watchdog(
+        sim, wall, speed, wall_time):
+    sim.watch(wall.now + wall_time - 0.01, speed)
+    assert sim.starved == -1
+    sim.watch(wall.now + wall_time + 0.01, speed)
+    assert sim.starved == 0 and sim._starved_after == wall_time
 
 
 def test_a_timeout_of_zero_is_no_watchdog(sim, wall):
     sim.params = SimpleNamespace(motor_timeout=0.0, patience=5.0)
-    sim.watch(wall.now + 1e6)
+    sim.watch(wall.now + 1e6, 1.0)
     assert sim.starved == -1 and not sim.reports
 
 
@@ -66,14 +75,14 @@ def test_a_timeout_of_zero_is_no_watchdog(sim, wall):
     (STILL, False, False), (TURNING, True, False), ((0.0, 0.0, 0.0, 1.0), False, True)])
 def test_only_motors_that_turn_are_stopped(sim, wall, pwm, shutdown, stops):
     sim._pwm, sim._shutdown = pwm, shutdown
-    sim.watch(wall.now + 1.0)
+    sim.watch(wall.now + 1.0, 1.0)
     assert (sim.starved >= 0) == stops
 
 
 def test_a_command_sets_the_watchdog_back(sim, wall):
     wall.now += 0.15
     sim._on_pwm(0, TURNING, False)
-    sim.watch(wall.now + 0.15)
+    sim.watch(wall.now + 0.15, 1.0)
     assert sim.starved == -1
 
 
@@ -119,7 +128,7 @@ def test_giving_up_stops_the_motors_and_says_what_was_refused(sim, caplog):
 
 def test_the_first_stop_is_the_one_that_is_told(sim, wall):
     sim._tick = 40
-    sim.watch(wall.now + 0.3)
+    sim.watch(wall.now + 0.3, 1.0)
     sim._tick = 2000
     sim.give_up()
     assert sim.starved == 40 * STEP_NS and sim._starved_after == 0.2

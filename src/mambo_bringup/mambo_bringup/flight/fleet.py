@@ -45,6 +45,8 @@ class Fleet:
         self.missed, self.late, self.pause = 0, 0, sims[0].pause
         for sim in sims:
             sim.pause = self.pause  # whoever pauses one pauses all
+        for sim in sims[1:]:
+            sim.decided = {'speed': f'it is that of {sims[0].get_namespace()} in the whole hall'}
         self._world = World(hall.params, list(hall.places.values()), [
             sim.params.simulator.vehicle for sim in sims])
         self._pushes: list[float | None] = []
@@ -114,12 +116,12 @@ class Fleet:
                 self._sims, self._pushes, self._world.stopped, strict=True):
             sim.advance(push, stop)
 
-    def watch(self, now: float) -> None:
+    def watch(self, now: float, speed: float) -> None:
         """Count a missing motor command, and stop motors, as ``SimNode.watch`` at a wall time."""
         for sim in self._sims:
             if not sim.answered:
                 sim.missed += 1
-                sim.watch(now)
+                sim.watch(now, speed)
 
     def is_deserted(self, now: float) -> bool:
         """Return whether a drone had no motor command for its patience, at a wall time in s."""

@@ -67,8 +67,10 @@ class Outcome:
         share = self.missed * STEP_NS * 1e-9 / self.flown if self.flown else 0.0
         if share <= MANY:
             return ''
-        return (f'warning: {min(share, 1.0):.0%} of the steps had no motor command in time: the '
-                'controller or the machine is too slow: fly with a lower --speed, or in lockstep')
+        said = f'warning: {min(share, 1.0):.0%} of the steps had no motor command in time'
+        # a flight that failed has its reason: a lost stream is answered late, a killed node never
+        return said if self.fault else (f'{said}: the controller or the machine is too slow: fly '
+                                        'with a lower --speed, or in lockstep')
 
     def spent(self) -> str:
         """Return the CPU time and memory of the nodes as one line, the largest first."""

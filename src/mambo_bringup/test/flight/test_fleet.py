@@ -18,12 +18,15 @@ class Sim:
     def __init__(self, place, log):
         self.params = SimpleNamespace(simulator=SimpleNamespace(vehicle=Vehicle()))
         self.t, self.answered, self.sensed, self.missed, self.delays = 0, True, 1.0, 0, place
-        self.held = self
+        self.held, self.name = self, f'/mambo{place + 1}'
         self.pause = lockstep.Pause(False)
         self.east, self.calls, self._log, self.deserted = 0.0, [], log, False
 
     def get_logger(self):
         return SimpleNamespace(error=self._log.append)
+
+    def get_namespace(self):
+        return self.name
 
     def observe(self, row):
         row[:] = (0.0, self.east, -1.0, 0.0, 0.0, 1.0, 0.667)
@@ -60,11 +63,17 @@ def test_all_answers_are_waited_for():
     assert all_of_them.answered
     sims[1].answered = False
     assert not all_of_them.answered
-    all_of_them.watch(7.0)
-    assert (sims[0].calls, sims[1].calls) == ([], [('watch', 7.0)])
+    all_of_them.watch(7.0, 0.5)
+    assert (sims[0].calls, sims[1].calls) == ([], [('watch', 7.0, 0.5)])
     assert (sims[0].missed, sims[1].missed) == (0, 1)
     all_of_them.give_up()
     assert sims[0].calls == [] and sims[1].calls[-1] == ('give_up',)
+
+
+def test_the_speed_of_the_hall_is_set_with_its_first_drone():
+    _, sims, _ = fleet()
+    assert 'decided' not in vars(sims[0])
+    assert sims[1].decided == {'speed': 'it is that of /mambo1 in the whole hall'}
 
 
 def test_a_pause_of_one_is_a_pause_of_all():

@@ -8,8 +8,9 @@ time of that step. Flown again, the script has it at that time.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 import time
+from types import MappingProxyType
 from typing import Any
 
 from mambo_model import schema
@@ -36,10 +37,13 @@ class Live:
         Of a node that called :meth:`allow_changes`; None: its parameters are fixed.
     held : mambo_model.compiled.Held
         What the compiled step of such a node reads.
+    decided : Mapping[str, str]
+        Parameters that another node decides on, and the reason: no request sets them here.
 
     """
 
     changes: Changes | None = None
+    decided: Mapping[str, str] = MappingProxyType({})
     held: Any
     _second: int = 0  # of the machine's clock, in which there were ...
     _requests: int = 0  # ... so many requests
@@ -97,9 +101,9 @@ class Live:
         for name in values:
             if name not in known:
                 raise schema.ParameterError(schema.unknown(name, known))
-            if self.changes is None:
-                raise schema.ParameterError(
-                    f'{name}: cannot be changed in flight: {parameter_change.STARTED}')
+            why = parameter_change.STARTED if self.changes is None else self.decided.get(name)
+            if why:
+                raise schema.ParameterError(f'{name}: cannot be changed in flight: {why}')
         t = self._next_step()
         self._show(self.changes.offer(values, t))
         return t

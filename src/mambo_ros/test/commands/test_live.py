@@ -97,6 +97,14 @@ def test_all_are_set_or_none(node):
     assert node.params == Params() and not node.records
 
 
+def test_what_another_node_decides_is_refused_with_the_reason(node):
+    node.decided = {'gain': 'it is that of the first one'}
+    answer = ask(node, gain=2.0)
+    assert (answer.successful, answer.reason) == (
+        False, 'gain: cannot be changed in flight: it is that of the first one')
+    assert ask(node, bias=array('d', [0.5, -0.5])).successful
+
+
 def test_a_name_is_given_once(node):
     twice = [Parameter('gain', value=value) for value in (2.0, 3.0)]
     answer = node.set_parameters_atomically(twice)
