@@ -89,9 +89,13 @@ class ReferenceNode(node.MamboNode[ReferenceNodeParams]):
                     prompt=False, reliable=False, timed=False)
         setpoints = Setpoints(self._commander, p, self._give)
         odom = self.wire.frame(topics.SETPOINT, messages.ODOM)
-        self.accept(topics.SETPOINT, messages.decode_setpoint,
-                    lambda t, ref, frame: setpoints.take(t, ref), now=clock, ahead=_AHEAD,
-                    check=partial(_check_setpoint, odom))
+
+        def on_setpoint(t: int, ref: Reference, _: str) -> None:
+            if reason := setpoints.take(t, ref):
+                guard.refused[reason] += 1
+
+        guard = self.accept(topics.SETPOINT, messages.decode_setpoint, on_setpoint, now=clock,
+                            ahead=_AHEAD, check=partial(_check_setpoint, odom))
         self.accept(topics.MOTOR_PWM, messages.decode_motor_state, self._on_pwm, prompt=False,
                     now=clock, ahead=STEP_NS)
         made = {

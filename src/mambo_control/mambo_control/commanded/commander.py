@@ -61,6 +61,10 @@ class Commander:
         """Return the time at which a command given now takes effect, ns."""
         return max(self.t + script.STEP_NS if self.t >= 0 else 0, self.timeline.last)
 
+    def is_free(self, t: int) -> bool:
+        """Return whether the vehicle can follow a stream at a time in ns: it flies and waits."""
+        return not (self.shut_down or self.failing) and timeline.is_free(self.timeline, t * 1e-9)
+
     def give(self, command: FlightCommand) -> tuple[FlightCommand, str]:
         """
         Carry out a command at the next control step.

@@ -138,12 +138,19 @@ class Setpoints:
         self._timeout = round(params.setpoint_timeout * 1e9)
         self._due, self._last = 0, -self._timeout  # ns; of the newest message
         self._followed = False  # whether the vehicle follows, or did until another command came
+        self._first = ''  # refusal of a setpoint that no other command was in the way of
 
-    def take(self, t: int, ref: Reference) -> None:
+    def take(self, t: int, ref: Reference) -> str:
         """
         Give the command of a reference of the time t in ns, if one is due and it is not old.
 
         After another command the stream has to pause before it is followed again.
+
+        Returns
+        -------
+        When and why the first setpoint was not followed, if this one is not either, though the
+        vehicle flies and no other command is in the way; else ''.
+
         """
         now = self._commander.next_step
         paused, self._last = now - self._last > self._timeout, now
@@ -151,17 +158,23 @@ class Setpoints:
             self._followed = False
         interrupted = self._followed and not self._commander.timeline.streamed
         if interrupted or now < self._due or now - t > self._timeout:
-            return
+            return ''
         wanted = np.zeros((4, 5))
         for order, vector in enumerate((ref.rho, ref.v, ref.a, ref.j, ref.s)):
             wanted[:3, order] = vector
         wanted[3, :2] = to_euler(ref.q)[2], ref.omega[2]
         there = extrapolated(wanted, (now - t) * 1e-9).tolist()
         vectors = [_vector(there, order) for order in range(5)]
+        free = self._commander.is_free(now)
         reason = self._give(FlightCommand(0, SETPOINT, False, 0.0, 0.0, *vectors, there[3][0],
                                           there[3][1]))
         self._followed = self._followed or not reason
         self._due = now + (REST if reason else self._period)
+        if not (reason and free):
+            return ''
+        self._first = self._first or (
+            f'not followed, the first at t = {now * 1e-9:.3f} s: {reason}')
+        return self._first
 
 
 def rehearse(params: CommandParams, vehicle: Vehicle) -> None:

@@ -132,6 +132,11 @@ def step(
     return _joined(timeline, command, segments, end), ''
 
 
+def is_free(timeline: Timeline, t: float) -> bool:
+    """Return whether a stream may begin or go on at t in s: no other command is carried out."""
+    return state_of(timeline, t)[1] == TRACK and (timeline.streamed or t >= timeline.until)
+
+
 def _just_begun(timeline: Timeline, phase: int, t: float) -> bool:
     """Return whether the first step of a take-off from the floor is not flown yet."""
     i = max(bisect_right(timeline.begin, t) - 1, 0)
@@ -243,8 +248,7 @@ def _check(
         raise Refused('the vehicle is landing already')
     if c.kind == fc.STOP and phase == LANDING and low:
         raise Refused('the vehicle is landing and too low to hover')
-    if c.kind in fc.STREAMED and (phase != TRACK or (
-            not timeline.streamed and c.t * 1e-9 < timeline.until)):
+    if c.kind in fc.STREAMED and not is_free(timeline, c.t * 1e-9):
         raise Refused('another command is being carried out, until '
                       f't = {timeline.until:.3f} s')
 

@@ -158,10 +158,24 @@ def test_old_setpoints_are_left_out_and_far_ones_refused_for_a_moment(flight):
     setpoints.take(flight.at - round(P.setpoint_timeout * 1e9) - STEP, ref)
     assert not flight.given
     far = ref._replace(rho=(40.0, 0.0, -1.2))
+    said, begin = [], flight.commander.next_step
     for _ in range(20):
-        setpoints.take(flight.at, far)
+        said.append(setpoints.take(flight.at, far))
         flight.go(0.01)
     assert len(flight.given) == 1 and 'leaves the volume' in flight.given[0][1]
+    assert said[0] == (f'not followed, the first at t = {begin * 1e-9:.3f} s: '
+                       f'{flight.given[0][1]}')
+    assert said[1:] == [''] * 19
+    flight.go(0.2)
+    assert setpoints.take(flight.at, far._replace(rho=(0.0, 50.0, -1.2))) == said[0]
+
+
+def test_a_setpoint_that_another_command_is_in_the_way_of_is_not_told(flight):
+    setpoints = Setpoints(flight.commander, P, flight.give)
+    flight.give(FlightCommand(0, fc.GO_TO, position=(2.0, 0.0, -1.2)))
+    far = reference(0.0, trajectory='hover')._replace(rho=(40.0, 0.0, -1.2))
+    assert not setpoints.take(flight.at, far)
+    assert 'another command is being carried out' in flight.given[-1][1]
 
 
 def test_after_another_command_the_stream_must_pause(flight):
