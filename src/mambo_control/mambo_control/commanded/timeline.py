@@ -30,7 +30,8 @@ from .command_params import CommandParams
 from .demand import STEP
 from .envelope import beyond
 from .maneuvers import (
-    at_rest, extrapolated, fly_on, least_duration, move, rest, Segment, SHORTEST, stop, visit)
+    at_rest, extrapolated, fly_on, least_duration, length, move, rest, Segment, SHORTEST, stop,
+    visit)
 
 LINGERS = 4.0
 """
@@ -42,6 +43,7 @@ TOUCHDOWN = 0.1  # m, highest reference at which the motors may stop
 ALIGNING = 0.5  # s from the start, in which the vehicle rests and the estimator aligns
 _LONGER = 1.4  # factor by which a duration that is not given grows until the limits allow it
 _TRIES = 8
+_FEW = 33  # points of a path whose length is measured in flight
 _SOON = 5.0  # s, in which a path may end by itself where a stop or a landing does not fit
 _JOINED = 1e-6  # m, rad and their derivatives, by which the ends of a course may miss
 _STREAM_TRIES = 5  # of a kind that comes many times a second
@@ -124,6 +126,10 @@ def step(
         segments, end = _plan(command, state, phase, p, vehicle)
         if waits or begins:
             segments = _taking_off(segments)
+        elif command.kind in (fc.STOP, fc.LAND) and segments and _ends_nearer(
+                timeline, t, segments[0]) and (
+                later := _at_its_end(timeline, command, t, p, vehicle)):
+            return later, ''
     except _Beyond as error:
         later = _at_its_end(timeline, command, t, p, vehicle)
         return (timeline, str(error)) if later is None else (later, '')
@@ -152,14 +158,23 @@ def _taking_off(segments: list[Segment]) -> list[Segment]:
     return segments
 
 
+def _ends_nearer(timeline: Timeline, t: float, stopping: Segment) -> bool:
+    """Return whether a path has a shorter way to its end than one that stops at once."""
+    if not t < timeline.until <= t + _SOON:
+        return False
+    points = np.array([state_of(timeline, at)[0][:3, 0]
+                       for at in np.linspace(t, timeline.until, _FEW)])
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()) < length([stopping])
+
+
 def _at_its_end(
     timeline: Timeline, c: FlightCommand, t: float, p: CommandParams, vehicle: Vehicle,
 ) -> Timeline | None:
     """
     Return the timeline with a stop or a landing where its path comes to rest by itself.
 
-    Near its end, or near a limit, a path may have no other way to rest within the limits. None:
-    it does not end soon, or the command is another one.
+    Near its end, or near a limit, a path may have no other way to rest within the limits, or none
+    that is as short. None: it does not end soon, or the command is another one.
     """
     end, phase = state_of(timeline, timeline.until)
     if c.kind not in (fc.STOP, fc.LAND) or phase != TRACK or not (

@@ -52,7 +52,7 @@ EVERY = (
     FlightCommand(12 * S, fc.SETPOINT, position=(1.5, 0.0, -1.4), yaw=0.1),
     FlightCommand(12 * S + 20_000_000, fc.SETPOINT, position=(1.5, 0.0, -1.39), yaw=0.1),
     FlightCommand(13 * S, fc.FOLLOW, trajectory=loop()),
-    FlightCommand(16 * S, fc.GO_TO, position=(0.3, 0.0, 0.2), yaw=3.0, relative=True),
+    FlightCommand(15 * S, fc.GO_TO, position=(0.3, 0.0, 0.2), yaw=3.0, relative=True),
     FlightCommand(17 * S, fc.LAND), FlightCommand(18 * S, fc.STOP),
     FlightCommand(20 * S, fc.LAND, height=0.04))
 
@@ -384,3 +384,21 @@ def test_a_takeoff_or_landing_that_lingers_near_the_floor_is_refused(height, dur
     assert 'limit 4 s: give a shorter duration' in refused(
         line, FlightCommand(20 * S, fc.LAND, duration=duration))
     assert flown(start._replace(duration=6.0), FlightCommand(20 * S, fc.LAND, duration=6.0))
+
+
+@pytest.mark.parametrize('kind', [fc.STOP, fc.LAND])
+@pytest.mark.parametrize('at', [1.25, 1.5, 1.75, 2.0, 2.5])
+def test_a_stop_or_a_landing_never_climbs_beyond_the_take_off(kind, at):
+    line = flown(FlightCommand(S // 2, fc.TAKEOFF, height=1.2), FlightCommand(round(at * S), kind))
+    assert min(tl.state_of(line, t)[0][2, 0] for t in np.arange(0.0, 8.0, 0.01)) > -1.2 - 1e-9
+
+
+@pytest.mark.parametrize(('at', 'end'), [
+    (6.5, 0.04), (6.75, 0.21), (7.0, 0.76), (7.25, 1.61), (7.5, 2.0), (8.0, 2.0)])
+def test_a_stop_comes_to_rest_by_the_shorter_of_two_ways(at, end):
+    """To rest at once, until the way to the goal is shorter."""
+    line = flown(FlightCommand(S // 2, fc.TAKEOFF, height=1.2),
+                 FlightCommand(6 * S, fc.GO_TO, position=(2.0, 0.0, -1.2)),
+                 FlightCommand(round(at * S), fc.STOP))
+    x = [tl.state_of(line, t)[0][0, 0] for t in np.arange(6.0, 12.0, 0.01)]
+    assert x[-1] == pytest.approx(end, abs=0.01) and max(x) < end + 0.01
