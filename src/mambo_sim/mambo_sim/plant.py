@@ -371,6 +371,20 @@ def advance(
 
 
 @jit
+def spin(
+    state: PlantState, pwm: Four, dt: float, substeps: int, vv: VehicleValues,
+    options: OptionValues | None = None,
+) -> PlantState:
+    """Return the plant after a control step of the motors alone; arguments of :func:`advance`."""
+    target, lost, charge = _supply(state, pwm, dt, vv, options)
+    at_end, _ = _lag(dt / substeps, vv.motor_time_constant)
+    thrust = state.thrust
+    for _ in range(substeps):
+        thrust = _blend(target, thrust, at_end)
+    return PlantState(state.body, thrust, state.jolt, lost, charge)
+
+
+@jit
 def specific_force(
     state: PlantState, vv: VehicleValues, ground: bool, options: OptionValues | None = None,
     wind: Vec3 | None = None,

@@ -154,7 +154,7 @@ def markdown(
            'Numbers are the median of the RMS position error of a flight in mm, take-off '
            'included. A flight survives if it is neither shut down nor 2 m off, nor on the floor '
            'below its reference. Saturated: share of the control steps with a motor at a limit. '
-           'Energy: that of the commanded thrusts.', '', *goals.lines(found)]
+           'Energy: that of the rotors.', '', *goals.lines(found)]
     for condition in dict.fromkeys(r.condition for r in found):
         for state in dict.fromkeys(r.state for r in found if r.condition == condition):
             out += [f'## {TITLES[condition][0].upper()}{TITLES[condition][1:]}: '

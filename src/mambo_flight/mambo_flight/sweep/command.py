@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
+import math
 from pathlib import Path
 import sys
 from typing import Any
@@ -109,9 +110,15 @@ def summary(data: Mapping[str, Sequence[Any]]) -> str:
         lines.append(f'{landed} of {flights} flights ended while the failsafe held or landed them')
     if fallen := sum(data['fallen']):
         lines.append(f'{fallen} of {flights} flights lay on the floor below their reference')
-    rows = zip(*(values for name, values in data.items() if name != 'flight'), strict=True)
+    rows = list(zip(*(values for name, values in data.items() if name != 'flight'), strict=True))
     if repeats := flights - len(set(map(repr, rows))):  # NaN equals NaN there
         lines.append(f'{repeats} of {flights} flights repeat another one, with all its values')
+    results = zip(*(data[name] for name in SHOWN), strict=True)
+    flown = {repr(row): result for row, result in zip(rows, results, strict=True)
+             if math.isfinite(result[0])}
+    if same := len(flown) - len(set(map(repr, flown.values()))):
+        lines.append(f'{same} of {flights} flights have the numbers of one with other parameters: '
+                     'what varies between these has no effect')
     return '\n'.join(lines)
 
 

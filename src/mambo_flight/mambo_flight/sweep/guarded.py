@@ -127,7 +127,7 @@ def _alone(flight: Scenario, ideal: bool) -> Row:
     try:
         recording, fault = supervised.fly(flight)
     except JobError as error:  # nothing was flown
-        return {**monte_carlo.metrics(monte_carlo.START, flight.controller_node.vehicle),
+        return {**monte_carlo.metrics(monte_carlo.START, flight.sim_node.simulator.vehicle),
                 **_ended(flight, 0.0), 'fault': str(error)}
     row = {**monte_carlo.measure(flight, recording), 'fault': fault}
     whole = len(recording.t) == closed_loop.step_count(flight)

@@ -20,7 +20,7 @@ from mambo_model.motion.height_check import lies_below, LONG, LOW
 from mambo_model.motion.rigid_body import LIFTED
 from mambo_model.motion.trajectory import in_flight, PlanValues
 from mambo_model.motion.vector import add, dot, mul, sub, Vec3
-from mambo_model.vehicle.motor_mixer import thrust_from_pwm
+from mambo_model.vehicle.motor_mixer import Four
 from mambo_model.vehicle.parameters import OptionValues, Vehicle, VehicleValues
 from mambo_sim import plant, simulator, wind
 from mambo_sim.parameters import STEP_NS
@@ -30,6 +30,7 @@ from .. import closed_loop
 from ..scenario import Scenario
 
 STEP = STEP_NS * 1e-9  # s
+_STILL: Four = (0.0, 0.0, 0.0, 0.0)
 
 
 class Tally(NamedTuple):
@@ -45,7 +46,7 @@ class Tally(NamedTuple):
     running: int  # steps with turning motors
     saturated: int  # of these, steps with a motor at a PWM limit
     pwm_max: float
-    effort: float  # N^1.5, thrust of each motor to the power 1.5, by the controller's motor map
+    effort: float  # N^1.5, thrust of each rotor to the power 1.5
     stopped_at: float  # s, time of the shutdown; NaN: none
     reason: int  # of the shutdown, safety.REASON_*
     top: float  # m, largest true height
@@ -64,7 +65,7 @@ START = Tally(
 @jit
 def count(
     a: Tally, t: float, truth: Vec3, estimate: Vec3, reference: Vec3, phase: int,
-    pwm: tuple[float, float, float, float], stopped: bool, reason: int, vv: VehicleValues,
+    pwm: Four, stopped: bool, reason: int, vv: VehicleValues, thrust: Four,
 ) -> Tally:
     """
     Return the tally after one more control step.
@@ -83,6 +84,8 @@ def count(
         Whether the motors are shut down, and why.
     vv
         Vehicle model of the controller, for its PWM limits.
+    thrust : (4,) N
+        Of the rotors of the true vehicle at the end of the step.
 
     """
     off, wrong = sub(truth, reference), sub(estimate, truth)
@@ -90,9 +93,8 @@ def count(
     highest = max(max(pwm[0], pwm[1]), max(pwm[2], pwm[3]))
     lowest = min(min(pwm[0], pwm[1]), min(pwm[2], pwm[3]))
     effort = a.effort
-    for x in pwm:
-        thrust = thrust_from_pwm(x, vv)
-        effort += thrust * math.sqrt(thrust)
+    for x in thrust:
+        effort += x * math.sqrt(x)
     at = a.stopped_at
     if stopped and math.isnan(at):
         at = t
@@ -134,7 +136,7 @@ def metrics(
     a
         Tally of the flight.
     vehicle
-        Model of the controller.
+        The true one.
     standing
         Whether the vehicle begins on the floor: unless it rises above LIFTED, it has not flown.
     floor
@@ -147,7 +149,7 @@ def metrics(
         ``tracking`` is truth minus reference, ``estimation`` estimate minus truth, in m: ``rms``
         over the steps in flight, total and along x, y, z (NED), ``max`` the largest length in
         flight, ``final`` the length at the end. ``energy`` in J is the ideal power of the rotors
-        at the commanded thrusts over the efficiency of the drive, integrated. NaN in place of
+        of the true vehicle over the efficiency of the drive, integrated. NaN in place of
         ``rms`` and ``max`` if nothing was flown, and of these and ``final`` if the vehicle never
         took off. ``failsafe`` is why the failsafe held or landed the vehicle at the end, empty
         if it did not. ``fallen`` tells whether it lay on the floor below its reference, see
@@ -177,14 +179,22 @@ def metrics(
 
 
 @jit
-def _count_all(t, truth, estimate, reference, phase, pwm, stopped, reason, vv):
-    """Return the tally of a recorded flight."""
+def _count_all(
+    t, truth, estimate, reference, phase, pwm, stopped, reason, vv, motors, vehicle, substeps,
+    options,
+):
+    """Return the tally of a recorded flight, whose motors begin with the plant ``motors``."""
     out = START
     for k in range(len(t)):
         x, y, z, p = truth[k], estimate[k], reference[k], pwm[k]
+        command, thrust = (p[0], p[1], p[2], p[3]), _STILL
+        if k < len(t) - 1:
+            motors = plant.spin(
+                motors, _STILL if stopped[k] else command, STEP, substeps, vehicle, options)
+            thrust = motors.thrust
         out = count(
             out, t[k] * 1e-9, (x[0], x[1], x[2]), (y[0], y[1], y[2]), (z[0], z[1], z[2]),
-            phase[k], (p[0], p[1], p[2], p[3]), stopped[k], reason[k], vv)
+            phase[k], command, stopped[k], reason[k], vv, thrust)
     return out
 
 
@@ -195,10 +205,11 @@ def fly_with_sensors(flight: Scenario) -> dict[str, Any]:
 
 def measure(flight: Scenario, r: closed_loop.Recording) -> dict[str, Any]:
     """Return the :func:`metrics` of a flight that was flown."""
+    p = flight.sim_node.simulator
     return metrics(_count_all(
         r.t, r.truth, r.estimate, r.reference, r.phase, r.pwm, r.stopped, r.reason,
-        flight.controller_node.vehicle.values()), flight.controller_node.vehicle,
-        _standing(flight), flight.sim_node.simulator.plant.ground)
+        flight.controller_node.vehicle.values(), plant.initial(p.plant), p.vehicle.values(),
+        p.plant.substeps(), p.vehicle.options()), p.vehicle, _standing(flight), p.plant.ground)
 
 
 class _Ideal(NamedTuple):
@@ -228,12 +239,14 @@ def _fly_ideal(state, air, rng, control, steps, p):
         ref, phase = reference_step(t, p.plan, vehicle.mass, vehicle.inertia, vehicle.gravity)
         control, c = failsafe.step(
             control, body, failsafe.EXACT, ref, phase, p.period, p.gains, p.failsafe, vv)
-        tally = count(
-            tally, t, body.rho, body.rho, ref.rho, phase, c.pwm, c.shutdown, c.reason, vv)
+        thrust = _STILL
         if k < steps - 1:
             state = plant.advance(
                 state, c.pwm, STEP, p.plant.substeps, p.vehicle, p.plant.ground, p.options,
                 p.plant.length_gain, wind.air_velocity(air), p.plant.floor)
+            thrust = state.thrust
+        tally = count(
+            tally, t, body.rho, body.rho, ref.rho, phase, c.pwm, c.shutdown, c.reason, vv, thrust)
     return tally
 
 
@@ -262,8 +275,7 @@ def fly_many(flights: Iterable[Scenario]) -> Iterator[dict[str, Any]]:
         yield metrics(_fly_ideal(
             plant.initial(sim.plant), wind.initial(sim.wind),
             simulator.generators(sim.seed)[simulator.WIND], failsafe.begin(p.gains),
-            closed_loop.step_count(flight), p), controller.vehicle, _standing(flight),
-            sim.plant.ground)
+            closed_loop.step_count(flight), p), sim.vehicle, _standing(flight), sim.plant.ground)
 
 
 class Speed(NamedTuple):

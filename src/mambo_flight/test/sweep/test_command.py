@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import re
 import signal
 
 from mambo_flight.sweep import command, table
@@ -117,9 +118,18 @@ def test_a_summary_counts_flights_that_repeat_another_one():
     data = {name: [0.5, math.nan, 0.5, float('nan'), 0.5] for name in command.SHOWN}
     data |= {'flight': list(range(5)), 'shutdown': [False] * 5, 'failsafe': [''] * 5,
              'fallen': [False] * 5, 'seed': [1, 2, 1, 2, 3]}
+    assert '2 of 5 flights repeat another one, with all its values' in summary(data).splitlines()
+    data['tracking_rms'] = [0.1, math.nan, 0.2, float('nan'), 0.3]  # two never took off
+    assert not re.search('repeat|no effect', summary(data | {'seed': [1, 2, 3, 4, 5]}))
+
+
+def test_a_summary_counts_flights_that_a_varied_value_has_no_effect_on():
+    data = {name: [0.5, 0.6, 0.5, math.nan, math.nan] for name in command.SHOWN}
+    data |= {'flight': list(range(5)), 'shutdown': [False] * 5, 'failsafe': [''] * 5,
+             'fallen': [False] * 5, 'gust_time': [1.0, 1.0, 2.0, 3.0, 4.0]}
     assert summary(data).splitlines()[-1] == (
-        '2 of 5 flights repeat another one, with all its values')
-    assert 'repeat' not in summary(data | {'seed': [1, 2, 3, 4, 5]})
+        '1 of 5 flights have the numbers of one with other parameters: what varies between these '
+        'has no effect')
 
 
 def test_one_flight_of_a_sweep_is_flown_as_it_stands_in_the_table(

@@ -1,5 +1,6 @@
 """Flights reduced to a few numbers: the same flights, and the right numbers."""
 
+import dataclasses
 import math
 
 from hypothesis import given, settings, strategies as st
@@ -9,9 +10,10 @@ from mambo_flight.scenario import replaced, scenario
 from mambo_flight.sweep import monte_carlo
 from mambo_model.motion.height_check import height_fault
 from mambo_model.motion.trajectory import GROUND, LANDED
-from mambo_model.vehicle.battery import electric_power
+from mambo_model.vehicle.battery import electric_power, supply
 from mambo_model.vehicle.parameters import Vehicle
 from mambo_model.vehicle.vehicle_options import BatteryParams
+from mambo_sim import plant
 import numpy as np
 import pytest
 
@@ -50,16 +52,46 @@ def test_metrics_are_those_of_the_arrays():
     assert 0.0 < row['saturated_share'] == (limited & running).sum() / running.sum() < 0.5
     assert row['pwm_max'] == 330.0
     options = Vehicle(battery=BatteryParams(enabled=True)).options()
-    power = [electric_power(tuple(4.29e-5 * x ** 1.47 for x in pwm), options) for pwm in r.pwm]
+    power = [electric_power(tuple(4.29e-5 * x ** 1.47 for x in pwm), options)
+             for pwm in r.pwm[:-1]]
     assert row['energy'] == pytest.approx(0.005 * sum(power), rel=1e-12)
     assert not row['shutdown'] and math.isnan(row['shutdown_time'])
     assert row['shutdown_reason'] == ''
 
 
+@pytest.mark.parametrize('overrides', [
+    {}, {'sim_node.simulator.vehicle.motor_time_constant': 0.02},
+    {'sim_node.simulator.vehicle.battery.enabled': True},
+    {'sim_node.simulator.vehicle.fade.enabled': True, 'sim_node.simulator.vehicle.mass': 0.09},
+    {'controller_node.vehicle.thrust_map': 'linear'}])
+def test_the_energy_is_that_of_the_true_rotors(overrides):
+    """Whatever the controller believes; the charge drawn from the battery says the same."""
+    flight = replaced(TRUTH, overrides)
+    sim = flight.sim_node.simulator
+    (row,) = monte_carlo.fly_many([flight])
+    assert repr(row) == repr(monte_carlo.fly_with_sensors(flight))
+    r, state, options = closed_loop.fly(flight), plant.initial(sim.plant), (
+        dataclasses.replace(sim.vehicle, battery=dataclasses.replace(
+            sim.vehicle.battery, enabled=True)).options())
+    power, work = 0.0, 0.0
+    for pwm in r.pwm[:-1].tolist():
+        before = state
+        state = plant.advance(
+            state, tuple(pwm), monte_carlo.STEP, sim.plant.substeps(), sim.vehicle.values(), True,
+            sim.vehicle.options())
+        power += electric_power(state.thrust, options)
+        if sim.vehicle.battery.enabled:
+            voltage, _ = supply(before.charge, before.thrust, options)
+            work += voltage * (state.charge - before.charge)
+    assert row['energy'] == pytest.approx(0.005 * power, rel=1e-9)
+    if sim.vehicle.battery.enabled:
+        assert row['energy'] == pytest.approx(work, rel=1e-3)
+
+
 def count(tally, t, off, stopped=False, reason=0, pwm=(100.0,) * 4, phase=2):
     return monte_carlo.count(
         tally, t, (off, 0.0, 0.0), (off, 0.0, 2.0), (0.0, 0.0, 0.0), phase, pwm, stopped, reason,
-        Vehicle().values())
+        Vehicle().values(), (0.2,) * 4)
 
 
 def test_a_shutdown_is_told_with_its_first_instant_and_its_reason():
@@ -136,7 +168,7 @@ def test_any_flight_has_the_metrics_of_its_arrays(steps):
     tally, vehicle = monte_carlo.START, Vehicle()
     for k, (truth, estimate, reference, phase, pwm, stopped) in enumerate(steps):
         tally = monte_carlo.count(tally, 0.005 * k, truth, estimate, reference, phase, pwm,
-                                  stopped, 3 if stopped else 0, vehicle.values())
+                                  stopped, 3 if stopped else 0, vehicle.values(), (0.2,) * 4)
     row = monte_carlo.metrics(tally, vehicle)
     truth, estimate, reference, phase, pwm, stopped = map(np.array, zip(*steps))
     flown = (phase > GROUND) & (phase < LANDED)
@@ -170,7 +202,8 @@ def test_a_fall_is_counted_as_it_is_judged_in_a_bag(runs):
     for now, z, asked, part in zip(t, -height, -wanted, phase):
         truth = 0.0, 0.0, z
         tally = monte_carlo.count(
-            tally, now, truth, truth, (0.0, 0.0, asked), part, zero, False, 0, Vehicle().values())
+            tally, now, truth, truth, (0.0, 0.0, asked), part, zero, False, 0,
+            Vehicle().values(), zero)
     row = monte_carlo.metrics(tally, Vehicle(), standing=True)
     assert row['fallen'] == bool(height_fault(t, height, wanted, phase))
     assert not monte_carlo.metrics(tally, Vehicle(), floor=False)['fallen']
