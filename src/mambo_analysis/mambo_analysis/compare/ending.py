@@ -23,10 +23,10 @@ _REFUSED = 'refused messages: '
 _INPUTS = ': inputs'  # suffix of the diagnostic status with the messages that a node refused
 
 
-def _simulator(bag: Bag, *path: str) -> Any:
-    """Return a simulator parameter from the scenario in a bag; None without a scenario."""
+def _parameter(bag: Bag, node_name: str, *path: str) -> Any:
+    """Return a parameter of a node from the scenario in a bag; None without a scenario."""
     for name, node in (bag.scenario or {}).items():
-        if str(name).endswith('/sim_node'):
+        if str(name).endswith(f'/{node_name}'):
             for part in ('ros__parameters', *path):
                 node = node.get(part) if isinstance(node, dict) else None
             return node
@@ -36,14 +36,14 @@ def _simulator(bag: Bag, *path: str) -> Any:
 def _planned(bag: Bag) -> float:
     """Return the duration of the scenario in a bag, s; 0 if it has none."""
     try:
-        return float(_simulator(bag, 'duration') or 0.0)
+        return float(_parameter(bag, 'sim_node', 'duration') or 0.0)
     except (TypeError, ValueError):
         return 0.0
 
 
 def _carried(bag: Bag) -> bool:
     """Return whether a hand carries the vehicle, which then needs no controller."""
-    return _simulator(bag, 'simulator', 'hand', 'enabled') is True
+    return _parameter(bag, 'sim_node', 'simulator', 'hand', 'enabled') is True
 
 
 def _beside_reference(bag: Bag, topic: str) -> tuple[Ints, Ints] | None:
@@ -61,7 +61,7 @@ def _height_fault(bag: Bag) -> str:
     (true, asked), truth, reference = rows, bag['ground_truth/odom'], bag['reference']
     return height_fault(reference.t[asked], truth.position[true, 2],
                         reference.position[asked, 2], reference.phase[asked],
-                        _simulator(bag, 'simulator', 'plant', 'ground') is not False)
+                        _parameter(bag, 'sim_node', 'simulator', 'plant', 'ground') is not False)
 
 
 def _shut_down(bag: Bag) -> str:
@@ -94,6 +94,16 @@ def refused_messages(bag: Bag) -> list[str]:
         for _, status in statuses(bag)  # the last report of a node includes all earlier ones
         if status.name.endswith(_INPUTS) and status.message.startswith(_REFUSED)}
     return [f'{node} {_REFUSED}{count}' for node, count in counts.items()]
+
+
+def ended_in_the_air(bag: Bag) -> list[str]:
+    """Return a line about a commanded flight that was over before a command landed it."""
+    if _parameter(bag, 'reference_node', 'commands', 'enabled') is not True or (
+            'reference' not in bag or not len(bag['reference'])):
+        return []
+    phase, height = int(bag['reference'].phase[-1]), float(bag['reference'].position[-1, 2])
+    return [f'the flight was over in the air, {height:.2f} m high: no command landed it within '
+            'its duration'] if in_flight(phase) else []
 
 
 def ended_early(bag: Bag, is_told: bool = False) -> list[str]:

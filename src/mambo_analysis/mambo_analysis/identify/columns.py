@@ -62,7 +62,8 @@ def _csv(path: Path) -> Table:
         raise ValueError(f'several columns have the name {Counter(names).most_common(1)[0][0]}')
     for number, row in enumerate(rows[1:], 2):
         if len(row) != len(names):
-            raise ValueError(f'row {number} has {len(row)} fields, the first one {len(names)}')
+            raise ValueError(f'row {number} has {len(row)} fields, the first one {len(names)}: '
+                             'separate columns by commas, and write numbers with decimal points')
     values = [[float(field) if field.strip() else np.nan for field in row] for row in rows[1:]]
     return {name: (None, column) for name, column in zip(names, np.array(values, float).T)}
 

@@ -1,6 +1,6 @@
 """What ends a flight before its time is a line; a hand that carries the vehicle ends nothing."""
 
-from mambo_analysis.compare.ending import ended_early
+from mambo_analysis.compare.ending import ended_early, ended_in_the_air
 from mambo_bags.reader import read_bag
 from mambo_bags.writer import BagWriter
 from mambo_model.motion.flatness import Reference
@@ -16,14 +16,16 @@ HIGH = Reference((0.0, 0.0, -1.0), ZERO, ZERO, ZERO, ZERO, LEVEL, ZERO, ZERO, 1.
 LINE = 'motors shut down: estimator not aligned'
 
 
-def bag(path, name, level, hand=False, seconds=3, motors=False, height=None, down=False):
+def bag(path, name, level, hand=False, seconds=3, motors=False, height=None, down=False,
+        commanded=False):
     """
     Return a bag of so many s of a flight of 3 s, in which a node says a line at 1 s.
 
     With a height in m, the vehicle is there, and its reference 1 m high, from 1 s on.
     """
     scenario = {'/mambo/sim_node': {'ros__parameters': {
-        'duration': 3.0, 'simulator': {'hand': {'enabled': hand}}}}}
+        'duration': 3.0, 'simulator': {'hand': {'enabled': hand}}}},
+        '/mambo/reference_node': {'ros__parameters': {'commands': {'enabled': commanded}}}}
     writer = BagWriter(path, attachments={'scenario.yaml': yaml.safe_dump(scenario)})
     writer.add_topic('/clock', 'rosgraph_msgs/msg/Clock')
     writer.add_topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray')
@@ -89,3 +91,13 @@ def test_motors_that_a_controller_shut_down_without_a_report_are_told(tmp_path):
     assert ended_early(reported) == [f'controller_node at 1.000 s: {LINE}']
     carried = bag(tmp_path / 'c', 'sim_node', diagnostics.OK, height=1.0, down=True, hand=True)
     assert ended_early(carried) == []
+
+
+@pytest.mark.parametrize('commanded', [False, True])
+def test_a_commanded_flight_that_is_over_in_the_air_is_told(tmp_path, commanded):
+    one = bag(tmp_path / 'bag', 'sim_node', diagnostics.OK, height=1.0, commanded=commanded)
+    assert ended_in_the_air(one) == [
+        'the flight was over in the air, 1.00 m high: no command landed it within its duration'
+    ] * commanded
+    floor = bag(tmp_path / 'floor', 'sim_node', diagnostics.OK, commanded=commanded)
+    assert ended_in_the_air(floor) == []

@@ -71,6 +71,7 @@ def test_a_json_file_gives_columns_with_times_of_their_own_at_any_depth(tmp_path
     ('a.txt', 't\n1\n', 'is no .csv, .mat, .json file or bag'),
     ('a.csv', '', 'holds no column of numbers'),
     ('a.csv', 't,x\n0,1\n0\n', 'row 3 has 1 fields, the first one 2'),
+    ('a.csv', 't;x\n0;1,5\n', 'separate columns by commas, and write numbers with decimal points'),
     ('a.csv', 't,x\n0,fast\n', "could not convert string to float: 'fast'"),
     ('a.csv', 't,x,x\n0,1,2\n', 'several columns have the name x'),
     ('a.mat', '# Created by Octave 8.4\n# name: x\n# type: matrix\n',

@@ -450,7 +450,8 @@ def flown():
     ({'altitude_sonarb': 10.0}, [
         'altitude_sonarb has a median of 12.45 m, usual are 0.2 to 4: ',
         'altitude_sonarb is 11.']),
-    ({'altitude_sonarb': 0.1}, ['altitude_sonarb has a median of 0.1245 m']),
+    ({'altitude_sonarb': 0.1}, [
+        'altitude_sonarb has a median of 0.1245 m', 'altitude_sonarb is 0.11']),
     ({'altitude_sonarb': 0.0}, ['altitude_sonarb is 0 throughout: it was not measured']),
     ({'prsb': 10.0}, ['prsb has a median of 9.9']), ({'prsb': 0.0}, ['prsb is 0 throughout']),
     ({'ddxb': 10.0, 'ddyb': 10.0, 'ddzb': 10.0}, [

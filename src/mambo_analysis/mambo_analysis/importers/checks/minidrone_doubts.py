@@ -9,7 +9,7 @@ its sensors, so the two must agree. What twelve public logs show:
 * Position: x and y are the integral of the velocity turned by the attitude (correlation 0.993 or
   more, 0.96 to 1.015 times as large). Height follows other sensors, too (correlation 0.43 or
   more, 0.7 to 1.4 times).
-* Sonar: 0.99 to 1.10 times the drone's own height (median).
+* Sonar: 0.88 to 1.05 times the drone's own height above 0.5 m (median).
 * Gyro: correlation of 0.67 or more with the drone's own rate about each axis.
 """
 
@@ -32,8 +32,8 @@ UPRIGHT = (-13.0, -7.0)  # [m/s^2] median of the accelerometer along z (FRD)
 HORIZONTAL = (0.9, 0.8, 1.25)  # least correlation, least and largest factor of x and y
 VERTICAL = (0.0, 0.3, 3.0)  # likewise of z
 LEAST_PATH = 1e-3  # [m] standard deviation of a path that shows more than rounding
-HEIGHTS = (0.5, 2.0)  # median of the sonar over the drone's own height
-ALOFT = (0.5, 0.3)  # [m] least sonar and own height of a sample that counts: its floor is 0.434
+HEIGHTS = (0.75, 1.3)  # median of the sonar over the drone's own height
+ALOFT = 0.5  # [m] own height of a sample that counts: the sonar is blind below 0.434
 LEAST_ROWS = 50  # that count
 
 
@@ -88,7 +88,7 @@ def onboard_doubts(log: Log) -> list[str]:
                        f'turned by yaw, pitch, roll (correlation {r:.2f}): check units, order '
                        'and signs of these before you use it')
     sonar, height = log.signals['altitude_sonarb'], -log.signals['Z']
-    aloft = (sonar > ALOFT[0]) & (height > ALOFT[1])
+    aloft = (sonar > 0.0) & (height > ALOFT)
     if aloft.sum() >= LEAST_ROWS:
         ratio = float(np.median(sonar[aloft] / height[aloft]))
         if not HEIGHTS[0] <= ratio <= HEIGHTS[1]:

@@ -7,7 +7,8 @@ positions contradict attitudes if they do so for each D up to ``DRAG``. Second d
 positions over ``HALF`` are a weighted mean of the acceleration; the tilts are averaged with the
 same weights. In the 83 takes of NanoBench that tilt by ``LEAST`` or more both have a correlation
 of 0.86 to 0.99, the accelerations are 0.80 to 1.03 times the tilts, and the best agreement is at
-delays of -0.10 to 0 s.
+delays of -0.10 to 0 s. Along any horizontal direction the correlation is 0.95 or more; an attitude
+whose numbers are in another order tilts rightly along one direction, and not across it.
 """
 
 from __future__ import annotations
@@ -31,6 +32,9 @@ DELAYS = range(-30, 31)  # steps
 LATE = 8        # steps, beyond which a delay is told
 FOLLOWS = 0.8   # correlation from which accelerations follow tilts
 DOES_NOT = 0.6  # correlation below which they do not
+FLAT = 0.5      # tilts over accelerations, below which it does not tilt; 0.9 of real ones
+SMOOTH = 0.3    # correlation of accelerations HALF apart; of noise -0.67, of flights 0.4 to 0.9
+ALONG = np.exp(1j * np.radians(np.arange(0.0, 180.0, 15.0)))  # horizontal directions
 CLEARLY = 0.03  # gain of a correlation, of a delay that is told
 MIRRORED = 0.1  # gain by the mirror image; up to -0.16 in real flights
 TURNED = 35.0   # deg; 22 in real flights on a circle, by drag
@@ -78,6 +82,33 @@ def _pair(force: Floats, tilt: Floats, velocity: Floats, delay: int) -> tuple[Fl
     return force[here], tilt[here], velocity[here]
 
 
+def _smooth(force: Floats) -> bool:
+    """Return whether accelerations over time are those of a motion, not of noisy positions."""
+    before, after = force[:-HALF], force[HALF:]
+    known = np.isfinite(before) & np.isfinite(after)
+    return known.sum() > HALF and _correlation(before[known], after[known]).real > SMOOTH
+
+
+def _along(pairs: dict[int, tuple[Floats, ...]]) -> tuple[float, float]:
+    """
+    Return the least correlation along a horizontal direction, and its angle from x, deg.
+
+    Directions along which the vehicle hardly accelerates do not count.
+    """
+    least, at = 1.0, 0.0
+    for unit in ALONG:
+        best = -1.0
+        for delay in range(-LATE, LATE + 1, LATE // 2):
+            force, tilt, velocity = (np.real(x * unit.conj()) for x in pairs[delay])
+            if force.std() < LEAST:
+                best = 1.0
+            elif tilt.std() > 0.0:
+                best = max(best, *(_correlation(force + drag * velocity, tilt) for drag in DRAG))
+        if best < least:
+            least, at = best, float(np.degrees(np.angle(unit)))
+    return least, at
+
+
 def describe(one: Motion) -> str:
     """
     Return in words how positions contradict attitudes; empty: they do not, or show too little.
@@ -97,8 +128,15 @@ def describe(one: Motion) -> str:
                 'flight: check its axes and the order of the quaternion (x y z w)')
     pairs = {delay: _pair(*signals, delay) for delay in DELAYS}
     force, tilt, velocity = pairs[0]
-    if min(len(pair[0]) for pair in pairs.values()) < LEAST_ROWS or not (
-            tilt.std() >= LEAST and force.std() > 0.0):
+    if min(len(pair[0]) for pair in pairs.values()) < LEAST_ROWS:
+        return ''
+    if LEAST <= force.std() and tilt.std() < min(LEAST, FLAT * force.std()) and (
+            _smooth(signals[0])):
+        return (f'its positions accelerate by {force.std():.2g} m/s^2 horizontally (RMS), for '
+                f'which a multirotor tilts by {np.degrees(force.std() / GRAVITY):.2g} deg, not '
+                f'by {np.degrees(tilt.std() / GRAVITY):.2g}: check that its attitude was '
+                'tracked, and the unit of its angles, unless it was carried by hand')
+    if not (tilt.std() >= LEAST and force.std() > 0.0):
         return ''
     follow = {delay: _correlation(*pair[:2]) for delay, pair in pairs.items()}
     pushed = [force + drag * velocity for drag in DRAG]
@@ -115,10 +153,16 @@ def describe(one: Motion) -> str:
                 f'{"late" if late > 0 else "early"}: check the times of positions and attitudes')
     if now < DOES_NOT:
         return (f'{said} do not follow its tilts (correlation {now:.2f}), as those of a flying '
-                'multirotor do: check that both are of this vehicle, and not carried by hand')
+                'multirotor do: check the order of the quaternion (x y z w) or of the angles, '
+                'that both are of this vehicle, and not carried by hand')
     if now >= FOLLOWS and min(np.abs(turned)) > TURNED:
         return (f'{said} are turned by {turned[0]:.0f} deg about the vertical from its tilts: '
                 'check its axes, or, if it flies in circles, its times')
+    least, angle = _along(pairs)
+    if least < DOES_NOT:
+        return (f'{said} follow its tilts, but not along the direction at {angle:.0f} deg from x '
+                f'(correlation {least:.2f}): check the order of the quaternion (x y z w), or of '
+                'the angles')
     if most < RATIO[0] or now * ratio > RATIO[1]:  # noise of the positions is no scale
         return (f'{said} are {ratio:.2g} times those of its tilts: check the unit of the '
                 'positions, or their scale')

@@ -207,7 +207,8 @@ def poses_and(path, name, make, jump=0):
         for k in range(2000):
             t = 0.01 * k
             stamp, height = 10_000_000 * k + (jump if k > 999 else 0), 1.0 + np.sin(0.3 * t)
-            pose = out.pose((np.sin(t), np.cos(t), height), (0.0, 0.0, np.sin(t), np.cos(t)))
+            pose = out.pose((0.3 * np.sin(t), 0.3 * np.cos(t), height),
+                            (0.0, 0.0, np.sin(t), np.cos(t)))
             out.publish('optitrack/pose', stamp, 'map', pose=pose)
             out.publish(name, stamp, 'base_link', **make(out, height, pose))
     return bag_doubts.doubts(read_bag(path, namespace='/mambo'))

@@ -61,7 +61,9 @@ def test_nothing_is_said_about_real_flights(path):
     ('Z', lambda s: 1000.0 * s['Z'], ['Z moves ', 'altitude_sonarb is 0.001']),
     ('dx', lambda s: -s['dx'], ['X moves ', 'Y moves ']),
     ('yaw', lambda s: s['yaw'] + 0.8, ['X moves ', 'Y moves ']),
-    ('altitude_sonarb', lambda s: s['altitude_sonarb'] / 0.3048, ['altitude_sonarb is 3.']),
+    ('altitude_sonarb', lambda s: s['altitude_sonarb'] / 0.3048, ['altitude_sonarb is ']),
+    ('altitude_sonarb', lambda s: s['altitude_sonarb'] * 0.5, ['altitude_sonarb is 0.']),
+    ('altitude_sonarb', lambda s: s['altitude_sonarb'] * 2.0, ['altitude_sonarb is ']),
     ('motors_refout', lambda s: s['motors_refout'] / 500.0, ['motors_refout has a median of 0.']),
 ])
 def test_each_part_that_was_changed_is_told_of_real_flights(name, change, begins):

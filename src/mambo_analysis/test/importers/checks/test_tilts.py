@@ -36,6 +36,13 @@ def moved(one, factors):
     return dataclasses.replace(one, position=one.position * factors)
 
 
+def with_angles(one, change):
+    """Return a flight with other angles yaw, pitch and roll, (n, 3) rad."""
+    angles = Rotation.from_quat(one.quaternion).as_euler('ZYX')
+    return dataclasses.replace(
+        one, quaternion=Rotation.from_euler('ZYX', change(angles)).as_quat())
+
+
 def late(one, seconds):
     """Return a flight whose positions come later than its attitudes."""
     position = np.stack([np.interp(one.t - seconds, one.t, x) for x in one.position.T], 1)
@@ -76,9 +83,33 @@ def test_drag_on_a_circle_is_no_turn(period, way):
      'upside down in 100 % of the flight'),
     (lambda one: dataclasses.replace(one, quaternion=flight(period=(3.1, 1.9)).quaternion),
      'do not follow its tilts'),
-], ids=['feet', 'half', 'mirrored', 'turned', 'late', 'early', 'wxyz', 'another flight'])
+    (lambda one: with_angles(one, lambda e: 0.0 * e),
+     'for which a multirotor tilts by 18 deg, not by 0: check that its attitude was tracked'),
+    (lambda one: with_angles(one, np.radians), 'and the unit of its angles'),
+    (lambda one: with_angles(one, lambda e: e[:, ::-1]),
+     'check the order of the quaternion (x y z w) or of the angles'),
+    (lambda one: dataclasses.replace(one, quaternion=one.quaternion[:, [1, 2, 3, 0]]),
+     'check the order of the quaternion (x y z w) or of the angles, that'),
+], ids=['feet', 'half', 'mirrored', 'turned', 'late', 'early', 'wxyz', 'another flight',
+        'constant', 'degrees', 'roll for yaw', 'w first'])
 def test_what_contradicts_the_tilts_is_told(change, said):
     assert said in tilts.describe(change(flight())).replace('-180', '180')
+
+
+def test_an_attitude_that_tilts_along_one_direction_alone_is_told():
+    """Roll and yaw in each other's place: the pitch, and so the tilt along x, is right."""
+    swapped = with_angles(flight(b=0.3), lambda e: e[:, ::-1])
+    assert ('follow its tilts, but not along the direction at 90 deg from x (correlation'
+            in tilts.describe(swapped))
+    assert tilts.describe(flight(b=0.3)) == ''
+
+
+def test_noisy_positions_of_a_hover_are_no_flight_without_tilt():
+    """1 cm of noise: accelerations of 0.6 m/s^2."""
+    one = flight(a=0.01, b=0.01)
+    noisy = dataclasses.replace(one, position=one.position + np.random.default_rng(0).normal(
+        0.0, 0.01, one.position.shape))
+    assert tilts.describe(noisy) == ''
 
 
 @pytest.mark.parametrize('one', [
