@@ -277,3 +277,19 @@ def test_every_vehicle_hovers_at_its_own_command(name):
     assert 0.4 * vehicle.pwm_max < pwm < 0.6 * vehicle.pwm_max
     state = fly(at(1.5, thrust=thrust), [[pwm] * 4] * 1000, vehicle)
     np.testing.assert_allclose(state.body.rho, [0.0, 0.0, -1.5], atol=1e-10)
+
+
+@pytest.mark.parametrize('lag', [0.0, 0.03])
+@pytest.mark.parametrize('part', [
+    {}, {'battery': BatteryParams(enabled=True)}, {'fade': FadeParams(enabled=True)}])
+def test_motors_spin_alone_as_in_flight(lag, part):
+    vehicle = Vehicle(motor_time_constant=lag, **part)
+    vv, options = vehicle.values(), vehicle.options()
+    flying = alone = plant.initial(PlantParams())
+    rng = np.random.default_rng(0)
+    for pwm in rng.uniform(200.0, 480.0, (400, 4)).tolist():
+        flying = plant.advance(flying, tuple(pwm), DT, 5, vv, True, options)
+        alone = plant.spin(alone, tuple(pwm), DT, 5, vv, options)
+        assert (alone.thrust, alone.lost, alone.charge) == (
+            flying.thrust, flying.lost, flying.charge)
+    assert alone.body == plant.initial(PlantParams()).body
