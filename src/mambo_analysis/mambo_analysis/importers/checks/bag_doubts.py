@@ -27,6 +27,7 @@ from . import motion_doubts, plausible, powertrain, slips, tilts
 from ..common import NAMESPACE
 
 Floats = NDArray[np.float64]
+Beside = tuple[Floats, Floats]  # ranges, (n,) m, and the drone's own positions then, (n, 3) m
 TRACKED, OWN = 'optitrack/pose', 'onboard/odom'
 GRAVITY = 9.81  # [m/s^2]
 FORCE = (5.0, 15.0)  # [m/s^2] median length of the specific force, in any attitude
@@ -83,11 +84,12 @@ def _doubts(bag: Bag) -> list[str]:
     out += [f'sonar/range: {line}: check both before you use them'
             for line in height_check.of_bag(bag)]
     out += _ranges(bag, motions)
-    if OWN in motions and (said := _upside_down(bag, motions[OWN])):
+    ranges = height_check.beside(bag, motions[OWN]) if OWN in motions else None
+    if ranges is not None and (said := _upside_down(ranges, OWN)):
         out.append(said)  # the others would blame what is right
     else:
         out += _pressure(bag, motions)
-        out += _onboard(bag, motions[OWN]) if OWN in motions else []
+        out += _onboard(bag, motions[OWN], ranges) if OWN in motions else []
     if len(motions) == 2:
         out += _paths(motions[OWN], motions[TRACKED])
     out += powertrain.battery(bag) + powertrain.commands(bag)
@@ -334,24 +336,22 @@ def _pressure(bag: Bag, motions: dict[str, Motion]) -> list[str]:
             f'{r:.2f}): check its sign and column']
 
 
-def _upside_down(bag: Bag, own: Motion) -> str:
+def _upside_down(found: Beside, name: str) -> str:
     """Return in words that the drone's own height falls where the ranges rise; empty: no."""
-    found = height_check.beside(bag, own)
-    if found is None or len(found[0]) < height_check.LEAST_ROWS:
-        return ''
     ranges, height = found[0], found[1][:, 2:]
+    if len(ranges) < height_check.LEAST_ROWS:
+        return ''
     if min(plausible.spread(ranges), plausible.spread(height[:, 0])) < height_check.LEAST_CHANGE:
         return ''
     r = float(plausible.correlations(ranges[:, None], height)[0, 0])
     if r > FALLS:
         return ''
-    return (f'{own.name}: its height falls where the ranges rise (correlation {r:.2f}): check the '
+    return (f'{name}: its height falls where the ranges rise (correlation {r:.2f}): check the '
             'sign of both heights, and of its vertical velocity')
 
 
-def _own_height(bag: Bag, own: Motion) -> list[str]:
+def _own_height(bag: Bag, own: Motion, found: Beside | None) -> list[str]:
     """Return a line about ranges that show another height than the drone's own, or it late."""
-    found = height_check.beside(bag, own)
     if found is None or len(found[0]) < height_check.LEAST_ROWS:
         return []
     ranges, position = found
@@ -390,11 +390,11 @@ def _leaps(own: Motion) -> list[str]:
     return out
 
 
-def _onboard(bag: Bag, own: Motion) -> list[str]:
+def _onboard(bag: Bag, own: Motion, ranges: Beside | None) -> list[str]:
     """Return lines about what the drone estimates, beside its sensors, velocity and goal."""
     names = [f'{x} of the position' for x in 'xyz']
     rates = [f'{x} of the velocity' for x in 'xyz']
-    out, velocity = _own_height(bag, own) + _leaps(own), own.velocity
+    out, velocity = _own_height(bag, own, ranges) + _leaps(own), own.velocity
     if velocity is not None and (known := np.isfinite(velocity).all(axis=1)).any():
         out += [f'{OWN}: {line}' for line in motion_doubts.own_velocity(
             own.t[known], own.position[known], velocity[known], names, rates)]
