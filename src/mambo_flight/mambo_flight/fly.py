@@ -18,7 +18,7 @@ from typing import Any
 from mambo_bags.command import guard, interrupted, Parser
 from mambo_model import limits
 from mambo_model.errors import InputError, JobError
-from mambo_model.motion.height_check import height_fault
+from mambo_model.motion.height_check import height_fault, landing_fault, over_in_the_air
 from mambo_model.whole_file import refuse_existing
 from numba.core import event
 import numpy as np
@@ -97,8 +97,17 @@ def _ended(flight: Scenario, r: closed_loop.Recording, metrics: Mapping[str, Any
                 f'{metrics["shutdown_reason"]}')
     if metrics['failsafe']:
         return f'the failsafe held or landed the vehicle at the end: {metrics["failsafe"]}'
-    return height_fault(r.t * 1e-9, -r.truth[:, 2], -r.reference[:, 2], r.phase,  # NED
-                        flight.sim_node.simulator.plant.ground)
+    t, height, floor = r.t * 1e-9, -r.truth[:, 2], flight.sim_node.simulator.plant.ground  # NED
+    return height_fault(t, height, -r.reference[:, 2], r.phase, floor) or (
+        landing_fault(t, height, r.phase) if floor else '')
+
+
+def _over(flight: Scenario, r: closed_loop.Recording) -> str:
+    """Return in words that a flight that lands was over in the air, or an empty string."""
+    reference = flight.reference_node
+    if not (reference.commands.enabled or reference.plan.landing_time):
+        return ''
+    return over_in_the_air(int(r.phase[-1]), float(-r.truth[-1, 2]), bool((r.pwm[-1] > 0.0).any()))
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -172,6 +181,8 @@ def write_flight(name: str, flight: Scenario, output: Path) -> None:
     print(f'{name}: {seconds:.2f} s flown in {flown - began:.2f} s, bag written in '
           f'{end - flown:.2f} s: {seconds / (end - began):.3g} times real time\n'
           f'bag: {output}')
+    if said := _over(flight, recording):
+        print(f'{name}: {said}')
     if reason := fault or _ended(flight, recording, metrics):
         raise JobError(f'{name}: {reason}')
 
@@ -194,6 +205,8 @@ def _run_together(name: str, drones: Drones, output: Path) -> None:
                 end, f'{written} of {world.drones} bags are written to {output}') from None
         metrics = monte_carlo.measure(own, recording)
         print(f'{space}: {_errors(metrics)}')
+        if said := _over(own, recording):
+            print(f'{space}: {said}')
         if reason := _ended(own, recording, metrics):
             lines.append(f'{space}: {reason}')
         tracks[space] = separation.Track(recording.t, recording.truth[:, :3] + np.array(place))

@@ -15,9 +15,10 @@ def made_up():
     x[:, 6], x[:, 3], x[:, 16] = 1.0, 2.0, 1.06
     filtered = x.copy()
     filtered[:, 0], x[:, 0] = 1.0, 0.5
-    still = np.arange(N) >= 3
+    moving = np.arange(N) >= 3
     t = np.arange(N, dtype=np.int64) * 5_000_000
-    return Smoothed(t, x, P, Forward(np.full(N, 0.005), filtered, P, filtered, P, still), 3)
+    return Smoothed(t, x, P, Forward(np.full(N, 0.005), filtered, P, filtered, P, moving),
+                    moving)
 
 
 def steps():

@@ -7,7 +7,7 @@ from typing import Any
 
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag
-from mambo_model.motion.height_check import height_fault
+from mambo_model.motion.height_check import height_fault, landing_fault, over_in_the_air
 from mambo_model.motion.trajectory import in_flight
 from mambo_model.script import python
 from mambo_signals.resample import Ints
@@ -58,10 +58,12 @@ def _height_fault(bag: Bag) -> str:
     """Return how the vehicle did not follow the height of its reference, or an empty string."""
     if (rows := _beside_reference(bag, 'ground_truth/odom')) is None:
         return ''
-    (true, asked), truth, reference = rows, bag['ground_truth/odom'], bag['reference']
-    return height_fault(reference.t[asked], truth.position[true, 2],
-                        reference.position[asked, 2], reference.phase[asked],
-                        _parameter(bag, 'sim_node', 'simulator', 'plant', 'ground') is not False)
+    (true, asked), reference = rows, bag['reference']
+    t, phase = reference.t[asked], reference.phase[asked]
+    height = bag['ground_truth/odom'].position[true, 2]
+    floor = _parameter(bag, 'sim_node', 'simulator', 'plant', 'ground') is not False
+    return height_fault(t, height, reference.position[asked, 2], phase, floor) or (
+        landing_fault(t, height, phase) if floor else '')
 
 
 def _shut_down(bag: Bag) -> str:
@@ -97,13 +99,16 @@ def refused_messages(bag: Bag) -> list[str]:
 
 
 def ended_in_the_air(bag: Bag) -> list[str]:
-    """Return a line about a commanded flight that was over before a command landed it."""
-    if _parameter(bag, 'reference_node', 'commands', 'enabled') is not True or (
-            'reference' not in bag or not len(bag['reference'])):
+    """Return a line about a flight that was over before its landing, or that of a command."""
+    lands = _parameter(bag, 'reference_node', 'commands', 'enabled') is True or _parameter(
+        bag, 'reference_node', 'plan', 'landing_time')
+    if not lands or 'ground_truth/odom' not in bag or any(
+            name not in bag or not len(bag[name]) for name in ('reference', 'motor_pwm')):
         return []
-    phase, height = int(bag['reference'].phase[-1]), float(bag['reference'].position[-1, 2])
-    return [f'the flight was over in the air, {height:.2f} m high: no command landed it within '
-            'its duration'] if in_flight(phase) else []
+    said = over_in_the_air(
+        int(bag['reference'].phase[-1]), float(bag['ground_truth/odom'].position[-1, 2]),
+        bool((bag['motor_pwm'].pwm[-1] > 0.0).any()))
+    return [said] if said else []
 
 
 def ended_early(bag: Bag, is_told: bool = False) -> list[str]:

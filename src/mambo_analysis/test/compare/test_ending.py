@@ -95,9 +95,12 @@ def test_motors_that_a_controller_shut_down_without_a_report_are_told(tmp_path):
 
 @pytest.mark.parametrize('commanded', [False, True])
 def test_a_commanded_flight_that_is_over_in_the_air_is_told(tmp_path, commanded):
-    one = bag(tmp_path / 'bag', 'sim_node', diagnostics.OK, height=1.0, commanded=commanded)
+    one = bag(tmp_path / 'bag', 'sim_node', diagnostics.OK, height=0.8, commanded=commanded,
+              motors=True)
     assert ended_in_the_air(one) == [
-        'the flight was over in the air, 1.00 m high: no command landed it within its duration'
+        'the flight was over in the air, 0.80 m high: no landing ended within its duration'
     ] * commanded
-    floor = bag(tmp_path / 'floor', 'sim_node', diagnostics.OK, commanded=commanded)
-    assert ended_in_the_air(floor) == []
+    for name, given in (('floor', {'height': 0.0, 'motors': True}), ('still', {'height': 0.8}),
+                        ('none', {'motors': True})):
+        assert ended_in_the_air(bag(
+            tmp_path / name, 'sim_node', diagnostics.OK, commanded=commanded, **given)) == []

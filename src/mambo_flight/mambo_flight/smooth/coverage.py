@@ -42,9 +42,9 @@ def trial(flight: Scenario) -> Trial:
         true = float(evaluated.made.x[k, i + 1] + evaluated.error[k, i])
         held.append(one.low <= true <= one.high)
         errors.append(one.value - true)
-    truth = recording.truth[s.start:]
-    return Trial(tuple(held), tuple(errors), path_error(s.filtered.x[s.start:], truth),
-                 path_error(s.x[s.start:], truth))
+    truth = recording.truth[s.moving]
+    return Trial(tuple(held), tuple(errors), path_error(s.filtered.x[s.moving], truth),
+                 path_error(s.x[s.moving], truth))
 
 
 def table(trials: list[Trial]) -> str:

@@ -50,8 +50,12 @@ class Interval(NamedTuple):
 
 
 def middle(s: Smoothed) -> int:
-    """Return the step in the middle of the smoothed steps."""
-    return (s.start + len(s.t) - 1) // 2
+    """Return the step in the middle of the longest motion."""
+    edges = np.flatnonzero(np.diff(s.moving, prepend=False, append=False)).reshape(-1, 2)
+    if not len(edges):
+        return len(s.t) - 1
+    begin, end = edges[np.argmax(edges[:, 1] - edges[:, 0])].tolist()
+    return (begin + end - 1) // 2
 
 
 def intervals(s: Smoothed) -> list[Interval]:
@@ -71,7 +75,7 @@ def impossible(found: Iterable[Interval]) -> list[str]:
 
 
 class Path(NamedTuple):
-    """Distance of a path from the true one, m, horizontally, from take-off to the end."""
+    """Distance of a path from the true one, m, horizontally, where it is smoothed."""
 
     rms: float
     largest: float
@@ -109,10 +113,10 @@ def table(s: Smoothed, truth: Array | None = None) -> str:
     for one in found:
         name = f'{one.quantity.name} [{one.quantity.unit}]'
         out.append(f'{name:<32}{one.value:>11.5g}{"":>4}{one.low:.5g} to {one.high:.5g}')
-    if truth is not None and np.isfinite(truth[s.start:, 0]).any():
+    if truth is not None and np.isfinite(truth[s.moving, 0]).any():
         out.append(f'{"horizontal path error [m]":<32}{"rms":>11}{"largest":>11}{"end":>11}')
         for name, rows in (('filter', s.filtered.x), ('smoother', s.x)):
-            path = path_error(rows[s.start:], truth[s.start:])
+            path = path_error(rows[s.moving], truth[s.moving])
             out.append(f'  {name:<30}' + ''.join(f' {number:>10.4f}' for number in path))
     if wrong := impossible(found):
         out.append(f'note: {" and ".join(wrong)} cannot be below 0, so no interval holds: check '

@@ -56,7 +56,7 @@ def smoothed(bag: Bag, params: JointParams) -> Answer:
     """
     found = offline_replay.steps(bag)
     s = smooth(found, params)
-    if s.start >= len(s.t) - 1:
+    if s.moving.sum() < 2:
         raise BagError(f'{bag.path}: the vehicle never moves, nothing to smooth')
     made = odometry(s, found, params.motion.rate_noise)
     rho, nu, q, omega = np.split(made.state, [3, 6, 10], axis=1)

@@ -8,8 +8,9 @@ state. x_k, P_k are the filter's after the samples of step k, x^-_{k+1}, P^-_{k+
     x^s_k = x_k (+) G_k (x^s_{k+1} (-) x^-_{k+1})
     P^s_k = P_k + G_k (P^s_{k+1} - P^-_{k+1}) G_k^T
 
-F is that of :mod:`mambo_estimation.joint.propagation`. Smoothing starts at the step in which the
-vehicle starts to move. Errors with a variance of zero are not changed.
+F is that of :mod:`mambo_estimation.joint.propagation`. Each motion is smoothed alone, from the
+step in which the vehicle starts to move to that in which it is at rest again, if it is; the steps
+of rest are the filter's. Errors with a variance of zero are not changed.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ class Smoothed(NamedTuple):
     x: Array   # (n, 24) smoothed, columns as in forward_pass.Forward
     P: Array   # (n, SIZE, SIZE) of the error state
     filtered: forward_pass.Forward
-    start: int  # first smoothed step
+    moving: NDArray[np.bool_]  # (n,) smoothed steps
 
 
 def _rotation(x: Array) -> Rotation:
@@ -113,13 +114,11 @@ def smooth(found: Steps, params: JointParams) -> Smoothed:
 
     """
     f = forward_pass.run(found, params)
-    x, P, last = f.x.copy(), f.P.copy(), len(f.x) - 1
-    resting = np.flatnonzero(~f.moving)
-    start = int(resting[-1]) + 1 if len(resting) else 0
-    for k in range(last - 1, start - 1, -1):
+    x, P = f.x.copy(), f.P.copy()
+    for k in np.flatnonzero(f.moving[:-1] & f.moving[1:])[::-1].tolist():
         F = transition(f.x[k], f.predicted[k + 1], f.dt[k + 1], params.gravity)
         G = _gain(f.P[k], F, f.predicted_P[k + 1])
         x[k] = added(f.x[k], G @ difference(x[k + 1], f.predicted[k + 1]))
         change = G @ (P[k + 1] - f.predicted_P[k + 1]) @ G.T
         P[k] = f.P[k] + 0.5 * (change + change.T)
-    return Smoothed(found.t, x, P, f, min(start, last))
+    return Smoothed(found.t, x, P, f, f.moving)

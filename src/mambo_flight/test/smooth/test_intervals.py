@@ -89,7 +89,11 @@ def test_the_largest_path_error_is_at_least_the_rms_and_the_end(north, east, las
     assert path.largest * (1.0 + 1e-12) >= max(path.rms, path.end)
 
 
-@pytest.mark.parametrize(('start', 'count', 'middle'), [(3, N, 6), (0, N, 5), (0, 1, 0)])
-def test_the_middle_is_that_of_the_smoothed_steps(start, count, middle):
-    s = made_up()._replace(start=start)
-    assert intervals.middle(s._replace(t=s.t[:count])) == middle
+@pytest.mark.parametrize(('motions', 'middle'), [
+    ([(3, N)], 6), ([(0, N)], 5), ([(0, 1)], 0), ([(1, 8)], 4), ([(0, 2), (4, 9)], 6),
+    ([], N - 1)])
+def test_the_middle_is_that_of_the_longest_motion(motions, middle):
+    moving = np.zeros(N, bool)
+    for begin, end in motions:
+        moving[begin:end] = True
+    assert intervals.middle(made_up()._replace(moving=moving)) == middle

@@ -147,7 +147,7 @@ def smoothed(flight):
 @pytest.mark.long
 def test_the_velocity_is_nearer_to_the_truth_than_that_of_the_filter(flight, smoothed):
     truth, s = flight[1].truth, smoothed
-    on = slice(s.start, None)
+    on = s.moving
     v = Rotation.from_quat(truth[:, [7, 8, 9, 6]]).apply(truth[:, 3:6])
 
     def off(rows, want, first):
@@ -161,11 +161,11 @@ def test_the_velocity_is_nearer_to_the_truth_than_that_of_the_filter(flight, smo
 def test_it_ends_as_the_filter_does_and_is_never_less_sure(smoothed):
     s = smoothed
     np.testing.assert_array_equal(s.x[-1], s.filtered.x[-1])
-    own, filters = (np.diagonal(P, axis1=1, axis2=2)[s.start:] for P in (s.P, s.filtered.P))
+    own, filters = (np.diagonal(P, axis1=1, axis2=2)[s.moving] for P in (s.P, s.filtered.P))
     # the errors of both are linear about states of their own: within 2 % of a variance
     assert (own <= filters * 1.02 + 1e-12).all()
     assert (own >= 0.0).all()
-    np.testing.assert_array_equal(s.x[:s.start], s.filtered.x[:s.start])
+    np.testing.assert_array_equal(s.x[~s.moving], s.filtered.x[~s.moving])
 
 
 @pytest.mark.long
@@ -173,3 +173,23 @@ def test_before_take_off_and_without_steps_in_flight_there_is_nothing_to_smooth(
     made = scenario(estimator='joint', duration=0.5, land=False)
     s = smooth(steps_of(closed_loop.fly(made)), made.estimator_node.joint)
     np.testing.assert_array_equal(s.x, s.filtered.x)
+
+
+@pytest.mark.long
+def test_two_flights_with_a_rest_between_are_smoothed_each(flight):
+    """Both land, and the vehicle waits: the filter is at rest there."""
+    commands = '\n'.join(f'- {{time: {t}, {what}}}' for t, what in (
+        (1.0, 'takeoff: {height: 1.2}'), (6.0, 'go_to: {goal: [1.0, 0.5, 1.2]}'),
+        (10.0, 'land: {}'), (20.0, 'takeoff: {height: 1.0}'),
+        (25.0, 'go_to: {goal: [0.0, 0.5, 1.2]}'), (29.0, 'land: {}')))
+    made = scenario(estimator='joint', duration=38.0, overrides={
+        'reference_node.commands.enabled': True, 'reference_node.commands.script': commands})
+    s = smooth(steps_of(closed_loop.fly(made)), made.estimator_node.joint)
+    t = 1e-9 * s.t
+    for begin, end in ((3.0, 9.0), (22.0, 28.0)):
+        flown = (t > begin) & (t < end)
+        assert s.moving[flown].all()
+        assert (np.abs(s.x - s.filtered.x)[flown, :2].max(axis=1) > 1e-6).mean() > 0.9
+    waits = (t > 16.0) & (t < 19.0)
+    assert not s.moving[waits].any()
+    np.testing.assert_array_equal(s.x[waits], s.filtered.x[waits])

@@ -1,4 +1,4 @@
-"""Whether a vehicle lay on the floor below a reference in the air, or was far from its height."""
+"""Whether a vehicle lay on the floor below its reference, was far from its height, or fell."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ LONG = 0.3  # s, so long a vehicle follows no reference that leaps up; sound fli
 FAR = 5.0  # m, distance in height at which a vehicle does not follow its reference, or the height
 #            of the flight if that is less, at least HIGH (judgement)
 HIGH = 1.0  # m, the same above a reference on the floor, which may slope
+DROP = 0.15  # m above the floor, from which a vehicle falls with 1.7 m/s (judgement)
 AWAY = 2.0  # s, so long it needs for a leap of 10 m with an acceleration of 1 g (judgement)
 
 
@@ -75,6 +76,44 @@ def height_fault(
         return (f'the vehicle was up to {abs(most):.2f} m {"above" if most > 0.0 else "below"} '
                 f'its reference, from {begin:.2f} to {end:.2f} s')
     return ''
+
+
+def landing_fault(
+    t: NDArray[np.float64], height: NDArray[np.float64], phase: NDArray[np.int64],
+) -> str:
+    """
+    Return from where a vehicle fell when its reference had landed, which stops the motors, or ''.
+
+    Parameters as of :func:`height_fault`, with a floor.
+    """
+    flown = python(in_flight)(phase)
+    ends = np.flatnonzero(flown[:-1] & ~flown[1:]) + 1
+    high = ends[height[ends] > DROP]
+    if not len(high):
+        return ''
+    k = int(high[np.argmax(height[high])])
+    return (f'the reference had landed at {t[k]:.2f} s, which stops the motors, with the vehicle '
+            f'{height[k]:.2f} m above the floor: it fell from there')
+
+
+def over_in_the_air(phase: int, height: float, turning: bool) -> str:
+    """
+    Return in words that a flight was over before its landing, or an empty string.
+
+    Parameters
+    ----------
+    phase
+        Of the reference at the end.
+    height : m
+        True height above the point of take-off at the end.
+    turning
+        Whether motors turn at the end.
+
+    """
+    if not (in_flight(phase) and turning and height > LIFTED):
+        return ''
+    return (f'the flight was over in the air, {height:.2f} m high: no landing ended within its '
+            'duration')
 
 
 def _longest(

@@ -1,6 +1,7 @@
 """A vehicle that lies on the floor while its reference flies has not flown as asked."""
 
-from mambo_model.motion.height_check import ABOVE, height_fault, LONG, LOW
+from mambo_model.motion.height_check import (
+    ABOVE, height_fault, landing_fault, LONG, LOW, over_in_the_air)
 from mambo_model.motion.trajectory import GROUND, LANDED, LANDING, TAKEOFF, TRACK
 import numpy as np
 import pytest
@@ -60,3 +61,23 @@ def test_without_a_floor_nothing_lies_on_it():
     low, wanted, phase = np.zeros(6), np.ones(6), np.full(6, TRACK)
     assert height_fault(T, low, wanted, phase) and not height_fault(T, low, wanted, phase, False)
     assert 'below its reference' in height_fault(T, low - 5.0, wanted, phase, False)
+
+
+@pytest.mark.parametrize(('height', 'phase', 'said'), [
+    ((0.0, 1.0, 0.5, 0.1, 0.0, 0.0), (GROUND, TRACK, LANDING, LANDED, LANDED, LANDED), ''),
+    ((0.0, 1.0, 0.9, 0.4, 0.0, 0.0), (GROUND, TRACK, LANDING, LANDED, LANDED, LANDED),
+     'the reference had landed at 3.00 s, which stops the motors, with the vehicle 0.40 m above '
+     'the floor: it fell from there'),
+    ((0.0, 1.0, 0.9, 0.8, 0.7, 0.6), (GROUND, TRACK, LANDING, LANDING, LANDING, LANDING), ''),
+    ((1.0,) * 6, (GROUND,) * 6, '')])
+def test_a_vehicle_that_falls_when_its_reference_has_landed_is_named(height, phase, said):
+    assert landing_fault(T, np.array(height), np.array(phase)) == said
+
+
+@pytest.mark.parametrize(('phase', 'height', 'turning', 'said'), [
+    (TRACK, 1.0, True, True), (LANDING, 0.83, True, True), (TRACK, 1.0, False, False),
+    (TRACK, 0.0, True, False), (LANDED, 1.0, True, False)])
+def test_a_flight_that_is_over_before_its_landing_is_named(phase, height, turning, said):
+    assert over_in_the_air(phase, height, turning) == (
+        f'the flight was over in the air, {height:.2f} m high: no landing ended within its '
+        'duration') * said
