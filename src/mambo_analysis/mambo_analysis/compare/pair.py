@@ -21,6 +21,7 @@ XYZ = ('x', 'y', 'z')
 GRID = 10_000_000  # [ns] sample period for the search of a delay
 LEAST = 10  # samples for statistics: the RMS of so few is known to 1 / sqrt(2 n), 22 %
 ROUGH_YAW = 0.1  # [rad] largest standard error of a yaw by the paths where no attitude is measured
+OTHER = math.radians(10.0)  # [rad] between turns by paths and by attitudes, which is told
 ROUNDING = 1e-6  # [-] of the components of a quaternion whose axes were turned
 
 
@@ -169,11 +170,17 @@ def _metres(shift: Floats) -> str:
 
 def _turn(a: Motion, b: Motion) -> tuple[float, str]:
     """Return the yaw rotation [rad] from A to B at its stamps, and how it was found."""
+    without = [f'{m.name} of {side}' for side, m in (('A', a), ('B', b)) if not has_attitude(m)]
+    turned = None if without else _turn_by_attitudes(a, b)
     try:
-        return _turn_by_paths(a, b, time_offset.WORST_YAW)
+        turn, how = _turn_by_paths(a, b, time_offset.WORST_YAW)
+        if turned is not None and abs(off := math.remainder(turn - turned, 2.0 * math.pi)) > OTHER:
+            how += (f'; {abs(math.degrees(off)):.0f} deg from the turn of the attitudes: they are '
+                    'of other body axes, or a path that repeats, as a circle does, was aligned '
+                    'with another part of itself: check the clock, or give --align position')
+        return turn, how
     except time_offset.AlignError:
-        without = [f'{m.name} of {side}' for side, m in (('A', a), ('B', b))
-                   if not has_attitude(m)]
+        pass
     if without:
         missing = f'{" and ".join(without)} measured no attitude'
         try:
@@ -181,16 +188,21 @@ def _turn(a: Motion, b: Motion) -> tuple[float, str]:
         except time_offset.AlignError as error:
             raise BagError(f'no yaw found: {error}; {missing}; take yaw out of --align') from None
         return turn, f'{how}; {missing} that could tell it better'
-    difference = np.radians(
-        motion.angles(b.quaternion)[:, 2] - motion.angles(a.quaternion)[:, 2])
-    difference = difference[np.isfinite(difference)]
-    if not len(difference):
+    if turned is None:
         raise BagError(f'no yaw found: the paths do not determine it, and {a.name} of A and '
                        f'{b.name} of B have no attitudes at the same time; take yaw out of '
                        '--align')
-    return float(np.angle(np.exp(1j * difference).mean())), (
+    return turned, (
         'by the attitudes, as the paths are too small or too different to tell it; right only if '
         'both attitudes are of the same body axes')
+
+
+def _turn_by_attitudes(a: Motion, b: Motion) -> float | None:
+    """Return the mean yaw rotation [rad] from A to B at its stamps; None: no time in common."""
+    difference = np.radians(
+        motion.angles(b.quaternion)[:, 2] - motion.angles(a.quaternion)[:, 2])
+    difference = difference[np.isfinite(difference)]
+    return float(np.angle(np.exp(1j * difference).mean())) if len(difference) else None
 
 
 def _turn_by_paths(a: Motion, b: Motion, worst: float) -> tuple[float, str]:
