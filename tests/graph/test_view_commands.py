@@ -154,6 +154,7 @@ def flown(tmp_path_factory):
         tab.press('time')
         tab.press('Step')
         tab.shows('step 900: to t = 8.995 s')
+        tab.shows('t = 9.0 s')  # the steps were made
         tab.press('fly')
         tab.press('Land')
         tab.shows('land: from t = 9.000 s')
