@@ -30,7 +30,7 @@ def recording(seconds, inner=True, phase=trajectory.GROUND):
     reference = np.zeros((3, 13))
     reference[1:, 2] = -1.5
     return SimpleNamespace(inner=inner, t=np.array([0, 500_000_000, 1_000_000_000]) * seconds,
-                           truth=np.zeros((3, 13)), reference=reference,
+                           truth=np.zeros((3, 13)), reference=reference, pwm=np.zeros((3, 4)),
                            phase=np.array([trajectory.GROUND, phase, phase]))
 
 
@@ -249,3 +249,20 @@ def test_a_terminal_is_told_once_that_a_flight_waits_for_the_compiler(monkeypatc
                 pass
     line, = capsys.readouterr().err.splitlines()
     assert line.startswith('compiling, about a minute')
+
+
+def test_a_landing_that_does_not_end_and_a_fall_after_one_are_told(monkeypatch, tmp_path, capsys):
+    made = recording(1.0, phase=trajectory.TRACK)
+    made.truth[1:, 2], made.pwm[:] = -1.5, 270.0
+    monkeypatch.setattr(fly.supervised, 'fly', lambda *_, **given: (made, ''))
+    monkeypatch.setattr(fly.recording_to_bag, 'write', lambda *_: None)
+    monkeypatch.setattr(fly.monte_carlo, 'measure', lambda flight, recording: METRICS | {
+        'shutdown': False})
+    flight = ['--trajectory', 'hover', '--duration', '12', '-o', str(tmp_path / 'bag'),
+              '--set', 'reference_node.plan.landing_time=11']
+    assert fly.main(flight) == 0
+    assert ('hover: the flight was over in the air, 1.50 m high: no landing ended within its '
+            'duration\n') in capsys.readouterr().out
+    made.phase[2], made.truth[2, 2] = trajectory.LANDED, -0.9
+    assert fly.main(flight) == 1
+    assert 'with the vehicle 0.90 m above the floor: it fell from there' in capsys.readouterr().err
