@@ -18,7 +18,7 @@ from typing import Any
 from mambo_bags.command import guard, interrupted, Parser
 from mambo_model import limits
 from mambo_model.errors import InputError, JobError
-from mambo_model.motion.height_check import height_fault, landing_fault, over_in_the_air
+from mambo_model.motion.height_check import flight_fault, over_in_the_air
 from mambo_model.whole_file import refuse_existing
 from numba.core import event
 import numpy as np
@@ -97,9 +97,8 @@ def _ended(flight: Scenario, r: closed_loop.Recording, metrics: Mapping[str, Any
                 f'{metrics["shutdown_reason"]}')
     if metrics['failsafe']:
         return f'the failsafe held or landed the vehicle at the end: {metrics["failsafe"]}'
-    t, height, floor = r.t * 1e-9, -r.truth[:, 2], flight.sim_node.simulator.plant.ground  # NED
-    return height_fault(t, height, -r.reference[:, 2], r.phase, floor) or (
-        landing_fault(t, height, r.phase) if floor else '')
+    return flight_fault(r.t * 1e-9, -r.truth[:, 2], -r.reference[:, 2], r.phase,  # NED
+                        flight.sim_node.simulator.plant.ground)
 
 
 def _over(flight: Scenario, r: closed_loop.Recording) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag
-from mambo_model.motion.height_check import height_fault, landing_fault, over_in_the_air
+from mambo_model.motion.height_check import flight_fault, over_in_the_air
 from mambo_model.motion.trajectory import in_flight
 from mambo_model.script import python
 from mambo_signals.resample import Ints
@@ -58,12 +58,10 @@ def _height_fault(bag: Bag) -> str:
     """Return how the vehicle did not follow the height of its reference, or an empty string."""
     if (rows := _beside_reference(bag, 'ground_truth/odom')) is None:
         return ''
-    (true, asked), reference = rows, bag['reference']
-    t, phase = reference.t[asked], reference.phase[asked]
-    height = bag['ground_truth/odom'].position[true, 2]
-    floor = _parameter(bag, 'sim_node', 'simulator', 'plant', 'ground') is not False
-    return height_fault(t, height, reference.position[asked, 2], phase, floor) or (
-        landing_fault(t, height, phase) if floor else '')
+    (true, asked), truth, reference = rows, bag['ground_truth/odom'], bag['reference']
+    return flight_fault(reference.t[asked], truth.position[true, 2],
+                        reference.position[asked, 2], reference.phase[asked],
+                        _parameter(bag, 'sim_node', 'simulator', 'plant', 'ground') is not False)
 
 
 def _shut_down(bag: Bag) -> str:

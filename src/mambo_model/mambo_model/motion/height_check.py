@@ -96,6 +96,15 @@ def landing_fault(
             f'{height[k]:.2f} m above the floor: it fell from there')
 
 
+def flight_fault(
+    t: NDArray[np.float64], height: NDArray[np.float64], wanted: NDArray[np.float64],
+    phase: NDArray[np.int64], floor: bool = True,
+) -> str:
+    """Return :func:`height_fault`; without one, with a floor, :func:`landing_fault`."""
+    return height_fault(t, height, wanted, phase, floor) or (
+        landing_fault(t, height, phase) if floor else '')
+
+
 def over_in_the_air(phase: int, height: float, turning: bool) -> str:
     """
     Return in words that a flight was over before its landing, or an empty string.
