@@ -17,8 +17,12 @@ def made_up():
     filtered[:, 0], x[:, 0] = 1.0, 0.5
     moving = np.arange(N) >= 3
     t = np.arange(N, dtype=np.int64) * 5_000_000
-    return Smoothed(t, x, P, Forward(np.full(N, 0.005), filtered, P, filtered, P, moving),
-                    moving)
+    return Smoothed(t, x, P, Forward(np.full(N, 0.005), filtered, P, filtered, P, moving))
+
+
+def moving_in(s, moving):
+    """Return a smoothed flight with other steps of motion, (N,)."""
+    return s._replace(filtered=s.filtered._replace(moving=moving))
 
 
 def steps():

@@ -38,7 +38,11 @@ class Smoothed(NamedTuple):
     x: Array   # (n, 24) smoothed, columns as in forward_pass.Forward
     P: Array   # (n, SIZE, SIZE) of the error state
     filtered: forward_pass.Forward
-    moving: NDArray[np.bool_]  # (n,) smoothed steps
+
+    @property
+    def moving(self) -> NDArray[np.bool_]:
+        """Return which steps are smoothed, (n,)."""
+        return self.filtered.moving
 
 
 def _rotation(x: Array) -> Rotation:
@@ -121,4 +125,4 @@ def smooth(found: Steps, params: JointParams) -> Smoothed:
         x[k] = added(f.x[k], G @ difference(x[k + 1], f.predicted[k + 1]))
         change = G @ (P[k + 1] - f.predicted_P[k + 1]) @ G.T
         P[k] = f.P[k] + 0.5 * (change + change.T)
-    return Smoothed(found.t, x, P, f, f.moving)
+    return Smoothed(found.t, x, P, f)

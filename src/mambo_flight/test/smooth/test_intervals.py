@@ -5,7 +5,7 @@ from mambo_estimation.joint.state import DRAG, LATENCY, SCALE, SLOPE
 from mambo_flight.smooth import intervals
 import numpy as np
 import pytest
-from smoothed_flight import made_up, N
+from smoothed_flight import made_up, moving_in, N
 
 
 def test_an_interval_is_196_deviations_to_both_sides_in_the_middle_of_the_flight():
@@ -96,4 +96,4 @@ def test_the_middle_is_that_of_the_longest_motion(motions, middle):
     moving = np.zeros(N, bool)
     for begin, end in motions:
         moving[begin:end] = True
-    assert intervals.middle(made_up()._replace(moving=moving)) == middle
+    assert intervals.middle(moving_in(made_up(), moving)) == middle

@@ -9,7 +9,7 @@ from mambo_flight.smooth import recorded
 from mambo_ros import topics
 import numpy as np
 import pytest
-from smoothed_flight import made_up, N, steps
+from smoothed_flight import made_up, moving_in, N, steps
 
 
 class Bag(dict):
@@ -63,9 +63,9 @@ def test_the_numbers_are_those_of_the_smoother(smoothed):
 @pytest.mark.parametrize('steps', [0, 1])
 def test_a_vehicle_that_never_moves_cannot_be_smoothed(smoothed, steps):
     with pytest.raises(BagError, match='^flight: the vehicle never moves, nothing to smooth$'):
-        smoothed(Bag(), made_up()._replace(moving=np.arange(N) >= N - steps))
+        smoothed(Bag(), moving_in(made_up(), np.arange(N) >= N - steps))
 
 
 def test_the_last_two_steps_are_enough(smoothed):
     moving = np.arange(N) >= N - 2
-    assert smoothed(Bag(), made_up()._replace(moving=moving)).numbers.moving is moving
+    assert smoothed(Bag(), moving_in(made_up(), moving)).numbers.moving is moving
