@@ -131,8 +131,9 @@ def _status_of(
             if select.select([handle], [], [], _DELAY)[0] or _notes[number] >= seen[number]:
                 continue
             os.kill(child, number)
+            latest_answer = time.monotonic() + (_DEAF if sum(seen) == 1 else _HURRY)
+            until = min(until, latest_answer) if waiting else latest_answer
             waiting = signal.Signals(number)
-            until = time.monotonic() + (_DEAF if sum(seen) == 1 else _HURRY)
         halted = halted + 1 if not ready and _is_stopped(child) else 0
         if halted == _HALTED:
             os.kill(child, signal.SIGKILL)

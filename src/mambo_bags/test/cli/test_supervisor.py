@@ -97,7 +97,7 @@ def test_a_crash_at_a_signal_is_no_fault_of_the_file(tmp_path):
     'sum(range(10**13))',  # in C code that looks at no signals
     'os.kill(os.getpid(), signal.SIGSTOP)',
     'signal.signal(signal.SIGINT, signal.SIG_IGN); time.sleep(60)'])
-@pytest.mark.parametrize('signals', [1, 2])
+@pytest.mark.parametrize('signals', [1, 1000])
 def test_code_that_answers_no_signal_is_ended(stuck, signals, tmp_path):
     patient = TOOL.replace('own_process()\n', 'own_process()\n'
                            'from mambo_bags.cli import supervisor\nsupervisor._DEAF = 2.0\n')
@@ -105,11 +105,15 @@ def test_code_that_answers_no_signal_is_ended(stuck, signals, tmp_path):
                  patient if signals == 1 else TOOL)
     wait_for(tmp_path / 'ready')
     began = time.monotonic()
-    for _ in range(signals):
+    for _ in range(signals):  # of two that come before the first is seen, the kernel keeps one
         tool.send_signal(signal.SIGINT)
         time.sleep(0.2)
+        if tool.poll() is not None or time.monotonic() - began > 8.0:
+            break
     _, err = tool.communicate(timeout=30)
-    assert (tool.returncode, err) == (130, 'tool: ended by SIGINT\n')
+    # a further signal may come when Python has already ended; a shell calls that 130, too
+    assert tool.returncode in ((130,) if signals == 1 else (130, -signal.SIGINT))
+    assert err == 'tool: ended by SIGINT\n'
     assert time.monotonic() - began < 8.0  # s: of the 10 that one signal is given
     assert not list(tmp_path.glob('kept_*'))
 
