@@ -98,7 +98,7 @@ def _ended(flight: Scenario, r: closed_loop.Recording, metrics: Mapping[str, Any
     if metrics['failsafe']:
         return f'the failsafe held or landed the vehicle at the end: {metrics["failsafe"]}'
     return flight_fault(r.t * 1e-9, -r.truth[:, 2], -r.reference[:, 2], r.phase,  # NED
-                        flight.sim_node.simulator.plant.ground)
+                        (r.pwm > 0.0).any(axis=1), flight.sim_node.simulator.plant.ground)
 
 
 def _over(flight: Scenario, r: closed_loop.Recording) -> str:
@@ -106,7 +106,7 @@ def _over(flight: Scenario, r: closed_loop.Recording) -> str:
     reference = flight.reference_node
     if not (reference.commands.enabled or reference.plan.landing_time):
         return ''
-    return over_in_the_air(int(r.phase[-1]), float(-r.truth[-1, 2]), bool((r.pwm[-1] > 0.0).any()))
+    return over_in_the_air(float(-r.truth[-1, 2]), bool((r.pwm[-1] > 0.0).any()))
 
 
 def _run(options: argparse.Namespace) -> None:

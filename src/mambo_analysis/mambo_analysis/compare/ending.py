@@ -12,6 +12,7 @@ from mambo_model.motion.trajectory import in_flight
 from mambo_model.script import python
 from mambo_signals.resample import Ints
 import numpy as np
+from numpy.typing import NDArray
 
 REPORTS = ('/diagnostics', 'diagnostics')
 """Topics of diagnostic reports."""
@@ -61,7 +62,18 @@ def _height_fault(bag: Bag) -> str:
     (true, asked), truth, reference = rows, bag['ground_truth/odom'], bag['reference']
     return flight_fault(reference.t[asked], truth.position[true, 2],
                         reference.position[asked, 2], reference.phase[asked],
+                        _turning(bag, reference.stamp[asked]),
                         _parameter(bag, 'sim_node', 'simulator', 'plant', 'ground') is not False)
+
+
+def _turning(bag: Bag, stamps: Ints) -> NDArray[np.bool_]:
+    """Return whether motors turn at these times, by the newest command; not without commands."""
+    if 'motor_pwm' not in bag or not len(bag['motor_pwm']):
+        return np.zeros(len(stamps), bool)
+    motors = bag['motor_pwm']
+    order = np.argsort(motors.stamp, kind='stable')
+    newest = np.searchsorted(motors.stamp[order], stamps, 'right') - 1
+    return (newest >= 0) & (motors.pwm > 0.0).any(axis=1)[order[newest]]
 
 
 def _shut_down(bag: Bag) -> str:
@@ -104,7 +116,7 @@ def ended_in_the_air(bag: Bag) -> list[str]:
             name not in bag or not len(bag[name]) for name in ('reference', 'motor_pwm')):
         return []
     said = over_in_the_air(
-        int(bag['reference'].phase[-1]), float(bag['ground_truth/odom'].position[-1, 2]),
+        float(bag['ground_truth/odom'].position[-1, 2]),
         bool((bag['motor_pwm'].pwm[-1] > 0.0).any()))
     return [said] if said else []
 

@@ -5,7 +5,7 @@ from mambo_bags.reader import read_bag
 from mambo_bags.writer import BagWriter
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.rigid_body import State
-from mambo_model.motion.trajectory import TRACK
+from mambo_model.motion.trajectory import LANDED, TRACK
 from mambo_ros import diagnostics, messages
 import pytest
 import yaml
@@ -17,11 +17,12 @@ LINE = 'motors shut down: estimator not aligned'
 
 
 def bag(path, name, level, hand=False, seconds=3, motors=False, height=None, down=False,
-        commanded=False):
+        commanded=False, landed=False, lost=()):
     """
     Return a bag of so many s of a flight of 3 s, in which a node says a line at 1 s.
 
-    With a height in m, the vehicle is there, and its reference 1 m high, from 1 s on.
+    With a height in m, the vehicle is there, and its reference 1 m high, from 1 s on; the
+    reference has landed from 2 s on, if it does. Motor commands are lost at some seconds.
     """
     scenario = {'/mambo/sim_node': {'ros__parameters': {
         'duration': 3.0, 'simulator': {'hand': {'enabled': hand}}}},
@@ -36,10 +37,12 @@ def bag(path, name, level, hand=False, seconds=3, motors=False, height=None, dow
     for second in range(seconds + 1):
         t = second * SECOND
         writer.write('/clock', messages.clock(t), t)
-        writer.write('/mambo/motor_pwm', messages.motor_pwm(
-            t, (200.0 if motors else 0.0,) * 4, down and second == 2, 0), t)
+        if second not in lost:
+            writer.write('/mambo/motor_pwm', messages.motor_pwm(
+                t, (200.0 if motors else 0.0,) * 4, down and second == 2, 0), t)
         if second and height is not None:
-            writer.write('/mambo/reference', messages.reference(t, HIGH, TRACK), t)
+            writer.write('/mambo/reference', messages.reference(
+                t, HIGH, LANDED if landed and second >= 2 else TRACK), t)
             writer.write('/mambo/ground_truth/odom', messages.ground_truth(
                 t, State((0.0, 0.0, -height), ZERO, LEVEL, ZERO)), t)
         if second:
@@ -91,6 +94,18 @@ def test_motors_that_a_controller_shut_down_without_a_report_are_told(tmp_path):
     assert ended_early(reported) == [f'controller_node at 1.000 s: {LINE}']
     carried = bag(tmp_path / 'c', 'sim_node', diagnostics.OK, height=1.0, down=True, hand=True)
     assert ended_early(carried) == []
+
+
+def test_motors_that_stop_above_the_floor_after_the_landing_are_told(tmp_path):
+    fell = ['the motors stopped at 2.00 s, as the reference had landed, with the vehicle 0.80 m '
+            'above the floor: it fell from there']
+    for name, given, said in (
+            ('stop', {}, fell), ('turn', {'motors': True}, []),
+            ('gap', {'motors': True, 'lost': (2,)}, []),  # the former command holds
+            ('none', {'lost': range(4)}, fell), ('low', {'height': 0.1}, [])):
+        one = bag(tmp_path / name, 'sim_node', diagnostics.OK, landed=True,
+                  **{'height': 0.8} | given)
+        assert ended_early(one) == said
 
 
 @pytest.mark.parametrize('commanded', [False, True])

@@ -80,46 +80,51 @@ def height_fault(
 
 def landing_fault(
     t: NDArray[np.float64], height: NDArray[np.float64], phase: NDArray[np.int64],
+    turning: NDArray[np.bool_],
 ) -> str:
     """
-    Return from where a vehicle fell when its reference had landed, which stops the motors, or ''.
+    Return from where a vehicle fell when its motors stopped after a landing, or ''.
 
-    Parameters as of :func:`height_fault`, with a floor.
+    Parameters
+    ----------
+    t, height, phase
+        As of :func:`height_fault`, with a floor.
+    turning : (n,)
+        Whether motors turn.
+
     """
-    flown = python(in_flight)(phase)
-    ends = np.flatnonzero(flown[:-1] & ~flown[1:]) + 1
-    high = ends[height[ends] > DROP]
+    still = ~(python(in_flight)(phase) | turning)
+    stops = np.flatnonzero(still[1:] & ~still[:-1]) + 1
+    high = stops[height[stops] > DROP]
     if not len(high):
         return ''
     k = int(high[np.argmax(height[high])])
-    return (f'the reference had landed at {t[k]:.2f} s, which stops the motors, with the vehicle '
+    return (f'the motors stopped at {t[k]:.2f} s, as the reference had landed, with the vehicle '
             f'{height[k]:.2f} m above the floor: it fell from there')
 
 
 def flight_fault(
     t: NDArray[np.float64], height: NDArray[np.float64], wanted: NDArray[np.float64],
-    phase: NDArray[np.int64], floor: bool = True,
+    phase: NDArray[np.int64], turning: NDArray[np.bool_], floor: bool = True,
 ) -> str:
     """Return :func:`height_fault`; without one, with a floor, :func:`landing_fault`."""
     return height_fault(t, height, wanted, phase, floor) or (
-        landing_fault(t, height, phase) if floor else '')
+        landing_fault(t, height, phase, turning) if floor else '')
 
 
-def over_in_the_air(phase: int, height: float, turning: bool) -> str:
+def over_in_the_air(height: float, turning: bool) -> str:
     """
     Return in words that a flight was over before its landing, or an empty string.
 
     Parameters
     ----------
-    phase
-        Of the reference at the end.
     height : m
         True height above the point of take-off at the end.
     turning
         Whether motors turn at the end.
 
     """
-    if not (in_flight(phase) and turning and height > LIFTED):
+    if not (turning and height > LIFTED):
         return ''
     return (f'the flight was over in the air, {height:.2f} m high: no landing ended within its '
             'duration')

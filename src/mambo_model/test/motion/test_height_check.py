@@ -9,6 +9,7 @@ import pytest
 T = np.arange(6.0)
 FLIGHT = (GROUND, TAKEOFF, TRACK, TRACK, TRACK, TRACK)
 UP = (0.0, 0.5, 1.0, 1.0, 1.0, 1.0)
+LANDED_FLIGHT = (GROUND, TRACK, LANDING, LANDED, LANDED, LANDED)
 
 
 @pytest.mark.parametrize(('height', 'wanted', 'phase', 'said'), [
@@ -63,21 +64,28 @@ def test_without_a_floor_nothing_lies_on_it():
     assert 'below its reference' in height_fault(T, low - 5.0, wanted, phase, False)
 
 
-@pytest.mark.parametrize(('height', 'phase', 'said'), [
-    ((0.0, 1.0, 0.5, 0.1, 0.0, 0.0), (GROUND, TRACK, LANDING, LANDED, LANDED, LANDED), ''),
-    ((0.0, 1.0, 0.9, 0.4, 0.0, 0.0), (GROUND, TRACK, LANDING, LANDED, LANDED, LANDED),
-     'the reference had landed at 3.00 s, which stops the motors, with the vehicle 0.40 m above '
-     'the floor: it fell from there'),
-    ((0.0, 1.0, 0.9, 0.8, 0.7, 0.6), (GROUND, TRACK, LANDING, LANDING, LANDING, LANDING), ''),
-    ((1.0,) * 6, (GROUND,) * 6, '')])
-def test_a_vehicle_that_falls_when_its_reference_has_landed_is_named(height, phase, said):
-    assert landing_fault(T, np.array(height), np.array(phase)) == said
+ON_FLIGHT = (False, True, True, False, False, False)
+ON_DOWN = (False, True, True, True, False, False)  # motors of a vehicle that goes on down
 
 
-@pytest.mark.parametrize(('phase', 'height', 'turning', 'said'), [
-    (TRACK, 1.0, True, True), (LANDING, 0.83, True, True), (TRACK, 1.0, False, False),
-    (TRACK, 0.0, True, False), (LANDED, 1.0, True, False)])
-def test_a_flight_that_is_over_before_its_landing_is_named(phase, height, turning, said):
-    assert over_in_the_air(phase, height, turning) == (
+@pytest.mark.parametrize(('height', 'phase', 'turning', 'at'), [
+    ((0.0, 1.0, 0.5, 0.1, 0.0, 0.0), LANDED_FLIGHT, ON_FLIGHT, None),
+    ((0.0, 1.0, 0.9, 0.4, 0.0, 0.0), LANDED_FLIGHT, ON_FLIGHT, (3, 0.4)),
+    ((0.0, 1.0, 0.9, 0.4, 0.1, 0.0), LANDED_FLIGHT, ON_DOWN, None),
+    ((0.0, 1.0, 0.9, 0.6, 0.3, 0.0), LANDED_FLIGHT, ON_DOWN, (4, 0.3)),
+    ((0.0, 1.0, 0.9, 0.8, 0.7, 0.6), LANDED_FLIGHT, (False,) + (True,) * 5, None),
+    ((0.0, 1.0, 0.9, 0.8, 0.7, 0.6), (GROUND, TRACK) + (LANDING,) * 4, (True,) * 6, None),
+    ((1.0,) * 6, (GROUND,) * 6, (False,) * 6, None)])
+def test_a_vehicle_whose_motors_stop_above_the_floor_after_its_landing_is_named(
+        height, phase, turning, at):
+    assert landing_fault(T, *map(np.array, (height, phase, turning))) == (at and (
+        f'the motors stopped at {at[0]:.2f} s, as the reference had landed, with the vehicle '
+        f'{at[1]:.2f} m above the floor: it fell from there') or '')
+
+
+@pytest.mark.parametrize(('height', 'turning', 'said'), [
+    (1.0, True, True), (0.83, True, True), (1.0, False, False), (0.0, True, False)])
+def test_a_flight_that_is_over_before_its_landing_is_named(height, turning, said):
+    assert over_in_the_air(height, turning) == (
         f'the flight was over in the air, {height:.2f} m high: no landing ended within its '
         'duration') * said
