@@ -66,7 +66,7 @@ class Flight:
         if m['failsafe'] and not m['shutdown']:
             ending = f', held or landed by the failsafe ({m["failsafe"]})'
         if m['fallen']:
-            ending += ', lay on the floor below its reference'
+            ending += ', lay on the floor below its reference or fell after its landing'
         errors = 'never took off' if math.isnan(m['tracking_rms']) else (
             f'tracking RMS {m["tracking_rms"]:.4g} m, estimation RMS {m["estimation_rms"]:.4g} m')
         return (f'<Flight {self.name}: {self.t[-1]:g} s, {errors}{ending}>'

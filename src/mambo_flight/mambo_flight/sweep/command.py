@@ -109,7 +109,8 @@ def summary(data: Mapping[str, Sequence[Any]]) -> str:
             data['failsafe'], data['shutdown'], strict=True)):
         lines.append(f'{landed} of {flights} flights ended while the failsafe held or landed them')
     if fallen := sum(data['fallen']):
-        lines.append(f'{fallen} of {flights} flights lay on the floor below their reference')
+        lines.append(f'{fallen} of {flights} flights lay on the floor below their reference, '
+                     'or fell after their landing')
     rows = list(zip(*(values for name, values in data.items() if name != 'flight'), strict=True))
     if repeats := flights - len(set(map(repr, rows))):  # NaN equals NaN there
         lines.append(f'{repeats} of {flights} flights repeat another one, with all its values')

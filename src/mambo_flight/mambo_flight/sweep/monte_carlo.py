@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from mambo_control import controllers, failsafe
 from mambo_control.commanded.evaluation import CommandedValues, reference_step
 from mambo_model.compiled import jit
-from mambo_model.motion.height_check import lies_below, LONG, LOW
+from mambo_model.motion.height_check import DROP, lies_below, LONG, LOW
 from mambo_model.motion.rigid_body import LIFTED
 from mambo_model.motion.trajectory import in_flight, PlanValues
 from mambo_model.motion.vector import add, dot, mul, sub, Vec3
@@ -51,7 +51,8 @@ class Tally(NamedTuple):
     reason: int  # of the shutdown, safety.REASON_*
     top: float  # m, largest true height
     down_since: float  # s, from when it lies on the floor below its reference; NaN: it does not
-    fallen: bool  # whether it lay there for LONG or more
+    fallen: bool  # whether it lay there for LONG or more, or its motors stopped above DROP
+    still: bool  # whether it does not fly and its motors do not turn
     asked_from: float  # s, from when to when the reference in flight was above LOW; NaN: never
     asked_until: float  # s
     failsafe: int  # reason of the newest command, safety.REASON_*; none: it follows the reference
@@ -59,7 +60,7 @@ class Tally(NamedTuple):
 
 START = Tally(
     0, (0.0, 0.0, 0.0), 0.0, 0.0, (0.0, 0.0, 0.0), 0.0, 0.0, 0, 0, 0.0, 0.0, math.nan, 0,
-    -math.inf, math.nan, False, math.nan, math.nan, 0)
+    -math.inf, math.nan, False, True, math.nan, math.nan, 0)
 
 
 @jit
@@ -103,7 +104,9 @@ def count(
     flown, top, since = in_flight(phase), max(a.top, -truth[2]), math.nan
     if flown and lies_below(-truth[2], -reference[2]):
         since = t if math.isnan(a.down_since) else a.down_since
-    fell = a.fallen or t - since >= LONG  # false for NaN
+    still = not flown and not runs
+    fell = a.fallen or t - since >= LONG or (  # the former is false for NaN
+        still and not a.still and -truth[2] > DROP)
     begun, ended = a.asked_from, a.asked_until
     if flown and -reference[2] > LOW:
         begun, ended = t if math.isnan(begun) else begun, t
@@ -111,12 +114,12 @@ def count(
         return Tally(
             a.steps, a.tracking, a.tracking_max, track, a.estimation, a.estimation_max, drift,
             a.running + runs, a.saturated + cut, max(a.pwm_max, highest), effort, at,
-            reason if stopped else a.reason, top, since, fell, begun, ended, reason)
+            reason if stopped else a.reason, top, since, fell, still, begun, ended, reason)
     return Tally(
         a.steps + 1, add(a.tracking, mul(off, off)), max(a.tracking_max, track), track,
         add(a.estimation, mul(wrong, wrong)), max(a.estimation_max, drift), drift,
         a.running + runs, a.saturated + cut, max(a.pwm_max, highest), effort, at,
-        reason if stopped else a.reason, top, since, fell, begun, ended, reason)
+        reason if stopped else a.reason, top, since, fell, still, begun, ended, reason)
 
 
 def _standing(flight: Scenario) -> bool:
@@ -152,7 +155,8 @@ def metrics(
         of the true vehicle over the efficiency of the drive, integrated. NaN in place of
         ``rms`` and ``max`` if nothing was flown, and of these and ``final`` if the vehicle never
         took off. ``failsafe`` is why the failsafe held or landed the vehicle at the end, empty
-        if it did not. ``fallen`` tells whether it lay on the floor below its reference, see
+        if it did not. ``fallen`` tells whether it lay on the floor below its reference, or its
+        motors stopped above the floor after its landing, see
         :mod:`mambo_model.motion.height_check`.
 
     """

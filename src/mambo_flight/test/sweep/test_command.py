@@ -111,7 +111,8 @@ def test_a_summary_has_percentiles_of_what_is_finite_and_counts_shutdowns():
     assert lines[-4:] == ['1 of 103 flights never took off: no errors',
                           '3 of 103 flights were shut down',
                           '2 of 103 flights ended while the failsafe held or landed them',
-                          '2 of 103 flights lay on the floor below their reference']
+                          '2 of 103 flights lay on the floor below their reference, or fell '
+                          'after their landing']
 
 
 def test_a_summary_counts_flights_that_repeat_another_one():

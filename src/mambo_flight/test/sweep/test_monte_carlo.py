@@ -8,7 +8,7 @@ from mambo_control import failsafe
 from mambo_flight import closed_loop
 from mambo_flight.scenario import replaced, scenario
 from mambo_flight.sweep import monte_carlo
-from mambo_model.motion.height_check import height_fault
+from mambo_model.motion.height_check import height_fault, landing_fault
 from mambo_model.motion.trajectory import GROUND, LANDED
 from mambo_model.vehicle.battery import electric_power, supply
 from mambo_model.vehicle.parameters import Vehicle
@@ -193,19 +193,20 @@ def test_any_flight_has_the_metrics_of_its_arrays(steps):
 
 @given(runs=st.lists(st.tuples(
     st.sampled_from([0.0, 0.5]), st.sampled_from([0.0, 0.1, 1.0]), st.integers(0, 4),
-    st.integers(1, 80)), min_size=1, max_size=6))
+    st.integers(1, 80), st.booleans()), min_size=1, max_size=6))
 @settings(max_examples=60, deadline=None)
 def test_a_fall_is_counted_as_it_is_judged_in_a_bag(runs):
-    height, wanted, phase = (np.repeat(part, [run[3] for run in runs]) for part in zip(
-        *[run[:3] for run in runs]))
+    height, wanted, phase, turning = (np.repeat(part, [run[3] for run in runs]) for part in zip(
+        *[(*run[:3], run[4]) for run in runs]))
     t, tally, zero = 0.005 * np.arange(len(phase)), monte_carlo.START, (0.0,) * 4
-    for now, z, asked, part in zip(t, -height, -wanted, phase):
+    for now, z, asked, part, turns in zip(t, -height, -wanted, phase, turning):
         truth = 0.0, 0.0, z
         tally = monte_carlo.count(
-            tally, now, truth, truth, (0.0, 0.0, asked), part, zero, False, 0,
+            tally, now, truth, truth, (0.0, 0.0, asked), part, (200.0 * turns,) * 4, False, 0,
             Vehicle().values(), zero)
     row = monte_carlo.metrics(tally, Vehicle(), standing=True)
-    assert row['fallen'] == bool(height_fault(t, height, wanted, phase))
+    assert row['fallen'] == bool(
+        height_fault(t, height, wanted, phase) or landing_fault(t, height, phase, turning))
     assert not monte_carlo.metrics(tally, Vehicle(), floor=False)['fallen']
 
 
