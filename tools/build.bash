@@ -127,7 +127,7 @@ colcon build --event-handlers console_direct- console_cohesion+ "${chosen[@]}" >
         echo 'mambo: the build was interrupted: start it again to go on' >&2
         exit 130
     fi
-    sed -n '/^--- stderr/,/^---$/p' "$log" | head -n 40 >&2
+    sed -n '/^--- stderr/,/^---$/p' "$log" | head -n 40 >&2 || true  # SIGPIPE
     echo "mambo: the build failed: see $root/$log" >&2
     exit 1
 }

@@ -34,6 +34,14 @@ up_to_date() { [[ -f $venv/.mambo && $(<"$venv/.mambo") == "$(stamp)" ]]; }
 
 up_to_date && exit 0
 
+# rosidl's CMake code cuts such a path at the first of these characters
+is_ascii() { local LC_ALL=C; [[ $1 != *[!\ -~]* ]]; }
+is_ascii "$root" ||
+    fail "$root: ROS 2 interfaces cannot be built below a folder with characters other than ASCII: move the checkout"
+if [[ -L $venv/bin/python3 && ! -x $venv/bin/python3 && ! -w $venv ]]; then
+    fail "$root was installed with a Python that you may not run ($(readlink -m "$venv/bin/python3")): use a checkout of your own"
+fi
+
 # What belongs to another user is theirs to bring up to date.
 for folder in . .cache .venv; do
     [[ ! -e $folder || -w $folder ]] ||

@@ -186,6 +186,17 @@ def test_a_failed_build_says_why_and_is_tried_again(workspace):
         assert '.cache/build.log' in error
 
 
+def test_a_build_that_fails_with_many_lines_ends_with_what_to_read(workspace):
+    colcon = (workspace.root / 'bin/colcon').read_text()
+    workspace.write('bin/colcon', colcon.replace(
+        "echo 'what went wrong'", "seq 100000 | sed 's/^/what went wrong /'"))
+    workspace.write('answer', '2')
+    workspace.write('src/mambo_a/setup.py')
+    code, _, error = workspace.build()
+    assert code == 1 and len(error.splitlines()) < 50
+    assert error.splitlines()[-1].startswith('mambo: the build failed: see ')
+
+
 def test_scripts_can_be_executed_although_the_path_has_a_space(workspace):
     script = workspace.root / 'install/mambo_a/lib/mambo_a/node'
     assert script.read_text() == '#!/usr/bin/env python3\nprint()\n'

@@ -214,6 +214,14 @@ def test_an_environment_beside_an_installed_ros_is_kept_when_that_ros_is_not_sou
     assert 'source it, or remove .venv' in refusal(bare)
 
 
+@only_wheels
+def test_a_folder_below_which_ros_cannot_build_is_refused_before_the_download(bare):
+    bare[0].rename(bare[0].parent / 'Übung')
+    line = refusal((bare[0].parent / 'Übung', bare[1]))
+    assert 'Übung' in line and 'characters other than ASCII' in line and 'move' in line
+    assert not (bare[0].parent / 'Übung/.venv').exists()
+
+
 # ---- a checkout of another user ----
 
 as_another = pytest.mark.skipif(
@@ -248,6 +256,19 @@ def test_what_another_user_cannot_bring_up_to_date_is_one_line(bare, script, wha
     assert done.returncode == 1
     assert done.stderr.count('\n') == 1, done.stderr
     assert what in done.stderr and 'belongs to root' in done.stderr
+
+
+@only_wheels
+@as_another
+def test_a_python_that_another_user_may_not_run_is_named(bare):
+    root, _ = bare
+    (root / '.venv/bin').mkdir(parents=True)
+    (root / 'private').touch(mode=0o600)
+    (root / '.venv/bin/python3').symlink_to('../../private')
+    done = bash(f"{STRANGER} 'source $ROOT/env.bash'".replace('$ROOT', '"$ROOT"'), ROOT=str(root))
+    assert done.returncode == 1
+    assert done.stderr == (f'mambo: {root} was installed with a Python that you may not run '
+                           f'({root}/private): use a checkout of your own\n')
 
 
 # ---- the wheels' CMake files ----

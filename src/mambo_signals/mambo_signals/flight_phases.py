@@ -26,8 +26,14 @@ class Phases(NamedTuple):
 
     takeoff_end: int | None
     landing_start: int | None
-    text: str  # how the end of the take-off was determined
+    how: str  # how the end of the take-off was determined, '{}' in place of each stamp below
     liftoff: int | None = None
+    told: tuple[int, ...] = ()  # stamps in this text
+
+    @property
+    def text(self) -> str:
+        """Return how the end of the take-off was determined."""
+        return self.how.format(*(f'{stamp * 1e-9:.2f}' for stamp in self.told))
 
     def parts(self) -> list[tuple[str, int | None, int | None]]:
         """Return the parts as (name, begin, end) with begin <= stamp < end; None: no limit."""
@@ -44,7 +50,13 @@ class Phases(NamedTuple):
         takeoff_end, landing_start, liftoff = (
             None if stamp is None else stamp + offset
             for stamp in (self.takeoff_end, self.landing_start, self.liftoff))
-        return Phases(takeoff_end, landing_start, self.text, liftoff)
+        return Phases(takeoff_end, landing_start, self.how, liftoff,
+                      tuple(stamp + offset for stamp in self.told))
+
+
+def _literal(text: str) -> str:
+    """Return a text in which braces stand for themselves."""
+    return text.replace('{', '{{').replace('}', '}}')
 
 
 def _plan(content: Any) -> dict[str, float]:
@@ -92,25 +104,26 @@ def phases(bag: Bag) -> Phases:
     first = int(track.argmax())
     begin = int(stamps[first])
     between = stamps[begins[(begins > first) & (begins < flying[-1])]]
+    listed = tuple(between[:MOST].tolist())
     again = '' if not len(between) else (
-        f'; it flies on after landing at {", ".join(f"{t * 1e-9:.2f}" for t in between[:MOST])}'
+        f'; it flies on after landing at {", ".join("{}" for _ in listed)}'
         f'{", ..." if len(between) > MOST else ""} s')
     if not first:
         return Phases(begin, landing_start,
-                      f'no take-off: on the trajectory from the start{again}')
+                      f'no take-off: on the trajectory from the start{again}', told=listed)
     if begin - int(stamps[first - 1]) > max(UNSEEN, 3.0 * np.median(np.diff(stamps))):
         return Phases(
             None, landing_start, 'no end of the take-off found: phase TRACK begins between '
-            f'{stamps[first - 1] * 1e-9:.2f} and {begin * 1e-9:.2f} s, which was not recorded',
-            liftoff)
+            '{} and {} s, which was not recorded', liftoff, (int(stamps[first - 1]), begin))
     blend = _plan(bag.scenario).get('blend_duration')
     seconds = BLEND if blend is None else float(blend)
     ends = [begin + round(seconds * 1e9), *between.tolist(), *filter(None, [landing_start])]
     return Phases(
         min(ends), landing_start,
-        f'phase TRACK from {begin * 1e-9:.2f} s and {seconds:g} s of blend'
+        f'phase TRACK from {{}} s and {seconds:g} s of blend'
         f'{", cut short by a landing" if min(ends) < ends[0] else ""}'
-        f'{" (assumed: the bag does not hold it)" if blend is None else ""}{again}', liftoff)
+        f'{" (assumed: the bag does not hold it)" if blend is None else ""}{again}', liftoff,
+        (begin, *listed))
 
 
 def detect_phases(motion: Motion) -> Phases:
@@ -126,7 +139,7 @@ def detect_phases(motion: Motion) -> Phases:
     try:
         takeoff, touchdown, _ = time_offset.flight_by_height(t, motion.position[:, 2])
     except time_offset.AlignError as error:
-        return Phases(None, None, f'no take-off found: {error}')
+        return Phases(None, None, 'no take-off found: ' + _literal(str(error)))
     if takeoff is None:
         return Phases(None, None, 'no take-off found: the recording begins in the air')
     even = np.arange(takeoff, t[-1] if touchdown is None else touchdown, EVEN)
@@ -144,5 +157,6 @@ def detect_phases(motion: Motion) -> Phases:
         steady = np.flatnonzero((speed > -0.5 * LEVEL) & high)
         landing = round(even[max(steady[-1], level[0])] * 1e9)
     return Phases(round(even[level[0]] * 1e9), landing,
-                  f'detected in the height of {motion.name}, which is first constant then',
+                  f'detected in the height of {_literal(motion.name)}, which is first constant '
+                  'then',
                   liftoff)

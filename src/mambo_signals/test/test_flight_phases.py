@@ -128,9 +128,13 @@ def test_a_bag_without_a_reference_has_no_phases(tmp_path):
     assert phases(bag) == Phases(None, None, '')
 
 
-def test_parts_move_with_the_clock():
+def test_parts_move_with_the_clock(tmp_path):
     assert Phases(5, None, 'x', 3).moved(10) == Phases(15, None, 'x', 13)
     assert Phases(None, 7, 'x').moved(-7) == Phases(None, 0, 'x')
+    bag = referenced(tmp_path / 'b', [
+        (TAKEOFF, 2.0), (TRACK, 5.0), (LAND, 6.0), (TRACK, 8.0), (LAND, 9.0)])
+    assert phases(bag).moved(10 * SECOND).text == (
+        'phase TRACK from 12.00 s and 1.25 s of blend; it flies on after landing at 15.00 s')
 
 
 def height(z, rate=100.0):

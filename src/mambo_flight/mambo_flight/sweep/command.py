@@ -82,8 +82,9 @@ def sweep(
         journal.leave()
         raise
     names, title = list(table.parameters(flights.sweep, 0)), flights.sweep.head.title or path.stem
-    plot.draw(out.with_suffix('.png'), data, names, title)
-    heat_map.draw(map_of(out), data, names, title)
+    units = table.units(flights.sweep)
+    plot.draw(out.with_suffix('.png'), data, names, title, units)
+    heat_map.draw(map_of(out), data, names, title, units)
     return data
 
 

@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 import numpy as np
 
-from .plot import measured, numbers
+from .plot import axis_label, measured, NO_UNITS, numbers
 
 MOST_VALUES = 60  # of each parameter
 NUMBERED = 14  # cells along an edge at most that carry the number of their flight
@@ -56,15 +56,18 @@ def grid(data: Mapping[str, Sequence[Any]], names: Sequence[str]) -> Grid | None
 
 def typical(values: np.ndarray, flights: Sequence[int]) -> tuple[float, int]:
     """
-    Return the lower median of some flights, and the flight that has it.
+    Return the median of some flights, and the flight at it or, of an even number, just below.
 
     Without a finite value: nan, and the first of them.
     """
     good = sorted((values[number], number) for number in flights if np.isfinite(values[number]))
-    return good[(len(good) - 1) // 2] if good else (np.nan, flights[0])
+    if not good:
+        return np.nan, flights[0]
+    return float(np.median([value for value, _ in good])), good[(len(good) - 1) // 2][1]
 
 
-def draw(path: Path, data: Mapping[str, Sequence[Any]], names: Sequence[str], title: str) -> None:
+def draw(path: Path, data: Mapping[str, Sequence[Any]], names: Sequence[str], title: str,
+         units: Mapping[str, str] = NO_UNITS) -> None:
     """
     Draw the map of each error into a PNG.
 
@@ -80,6 +83,8 @@ def draw(path: Path, data: Mapping[str, Sequence[Any]], names: Sequence[str], ti
         Columns that are varied parameters.
     title
         Above the maps.
+    units
+        Of the parameters that have one.
 
     """
     found, metrics = grid(data, names), measured(data)
@@ -93,14 +98,15 @@ def draw(path: Path, data: Mapping[str, Sequence[Any]], names: Sequence[str], ti
     numbered = max(across, up) <= NUMBERED
     for axes, (name, label) in zip(
             figure.subplots(1, len(metrics), squeeze=False)[0], metrics.items(), strict=True):
-        _map(axes, found, np.asarray(data[name], dtype=float), label, numbered)
+        _map(axes, found, np.asarray(data[name], dtype=float), label, numbered, units)
     note = '; in each cell the number of its middle flight' if numbered else ''
     figure.suptitle(palette.in_figure(f'{title}: median{note}'))
     with replacing(path, PICTURE) as part:
         figure.savefig(part, format='png', dpi=110, metadata={'Software': None})
 
 
-def _map(axes: Any, found: Grid, values: np.ndarray, label: str, numbered: bool) -> None:
+def _map(axes: Any, found: Grid, values: np.ndarray, label: str, numbered: bool,
+         units: Mapping[str, str]) -> None:
     """Draw the map of one error."""
     shown = np.full((len(found.values[1]), len(found.values[0])), np.nan)
     flights = {}
@@ -117,4 +123,4 @@ def _map(axes: Any, found: Grid, values: np.ndarray, label: str, numbered: bool)
     for axis, name, ticks in zip((axes.xaxis, axes.yaxis), found.names, found.values, strict=True):
         places = np.unique(np.linspace(0, len(ticks) - 1, min(len(ticks), 6)).round().astype(int))
         axis.set_ticks(places, [f'{ticks[k]:.4g}' for k in places])
-        axis.set_label_text('.'.join(name.split('.')[-3:]))
+        axis.set_label_text(axis_label(name, units))

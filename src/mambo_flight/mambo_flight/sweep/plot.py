@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from mambo_model import palette
@@ -15,8 +16,10 @@ import numpy as np
 METRICS = {
     'tracking_rms': 'tracking error, RMS [m]', 'tracking_max': 'tracking error, max [m]',
     'estimation_rms': 'estimation error, RMS [m]', 'estimation_final': 'drift at the end [m]'}
+NO_UNITS: Mapping[str, str] = MappingProxyType({})
 BANDS = ((5, 95, 0.2), (25, 75, 0.35))
 MOST_GROUPS, MOST_PARAMETERS, MOST_BINS = 6, 4, 12
+FEW = 5  # flights of a bin, below which it has no percentiles
 
 
 def percentiles(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -56,22 +59,34 @@ def measured(data: Mapping[str, Sequence[Any]]) -> dict[str, str]:
             if (found[name][np.isfinite(found[name])] > 0.0).any()}
 
 
+def axis_label(name: str, units: Mapping[str, str]) -> str:
+    """Return the label of a parameter's axis: the end of its name, and its unit if known."""
+    short = '.'.join(name.split('.')[-3:])
+    return f'{short} [{units[name]}]' if units.get(name, '-') != '-' else short
+
+
 def _band(axes: Any, x: np.ndarray, y: np.ndarray) -> None:
     good = np.isfinite(y)
-    parts = bins(x[good], y[good])
+    x, y = x[good], y[good]
+    parts, colour = bins(x, y), palette.COLOURS[palette.SERIES[0]]
     if not parts:
         return
     at = [middle for middle, _ in parts]
-    for low, high, alpha in BANDS:
+    few = min(len(part) for _, part in parts) < FEW
+    if few:
+        axes.plot(x, y, '.', label='one flight each', color=colour, alpha=0.6)
+        if len(np.unique(x)) > MOST_BINS or len(parts) == len(x):
+            return  # a median of drawn values would follow single flights
+    for low, high, alpha in () if few else BANDS:
         edges = np.array([np.percentile(part, (low, high)) for _, part in parts])
-        axes.fill_between(at, edges[:, 0], edges[:, 1], alpha=alpha, linewidth=0,
-                          color=palette.COLOURS[palette.SERIES[0]],
+        axes.fill_between(at, edges[:, 0], edges[:, 1], alpha=alpha, linewidth=0, color=colour,
                           label=f'{low} to {high} %')
-    axes.plot(at, [np.median(part) for _, part in parts], '.-', label='median',
-              color=palette.COLOURS[palette.SERIES[0]])
+    axes.plot(at, [np.median(part) for _, part in parts], '-' if few else '.-', label='median',
+              color=colour)
 
 
-def draw(path: Path, data: Mapping[str, Sequence[Any]], names: Sequence[str], title: str) -> None:
+def draw(path: Path, data: Mapping[str, Sequence[Any]], names: Sequence[str], title: str,
+         units: Mapping[str, str] = NO_UNITS) -> None:
     """
     Draw a sweep into a PNG.
 
@@ -85,6 +100,8 @@ def draw(path: Path, data: Mapping[str, Sequence[Any]], names: Sequence[str], ti
         Columns that are varied parameters.
     title
         Above the plots.
+    units
+        Of the parameters that have one.
 
     """
     metrics, varied = measured(data), numbers(data, names)[:MOST_PARAMETERS]
@@ -104,8 +121,7 @@ def draw(path: Path, data: Mapping[str, Sequence[Any]], names: Sequence[str], ti
         grid[0, column].set(xlabel='percentile', ylabel=label, xlim=(0, 100))
         for row, parameter in enumerate(varied, 1):
             _band(grid[row, column], np.asarray(data[parameter], dtype=float), values)
-            short = '.'.join(parameter.split('.')[-3:])
-            grid[row, column].set(xlabel=short, ylabel=label)
+            grid[row, column].set(xlabel=axis_label(parameter, units), ylabel=label)
     titles = [('.'.join(colour.split('.')[-2:]), grid[0, 0])] if colour else []
     for heading, axes in [*titles, *((None, axes) for axes in grid[1:, 0])]:
         if axes.get_legend_handles_labels()[0]:  # without finite values nothing is drawn

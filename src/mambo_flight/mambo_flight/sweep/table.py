@@ -43,6 +43,14 @@ def parameters(sweep: Sweep, number: int) -> dict[str, Any]:
     return out
 
 
+def units(sweep: Sweep) -> dict[str, str]:
+    """Return the unit of each column of :func:`parameters` that is a number."""
+    of_axis = {axis.name: axis.field.metadata.get('unit') for axis in sweep.axes}
+    found = {column: of_axis[column if column in of_axis else column.rpartition('.')[0]]
+             for column in parameters(sweep, 0)}
+    return {column: unit for column, unit in found.items() if unit}
+
+
 def digest(flights: Flights, ideal: bool) -> str:
     """
     Return a hash of what the result depends on: flights, sensors, numerics, users' components.

@@ -39,23 +39,25 @@ def test_three_numbers_that_vary_have_no_map():
     assert heat_map.grid(crossed() | {'wind': list(range(18))}, [*NAMES, 'wind']) is None
 
 
-def test_the_typical_flight_has_the_lower_median_of_the_finite_values():
+def test_the_typical_flight_is_at_or_just_below_the_median_of_the_finite_values():
     values = np.array([3.0, np.nan, 1.0, 2.0, 4.0, np.inf])
-    assert heat_map.typical(values, range(6)) == (2.0, 3)
+    assert heat_map.typical(values, range(6)) == (2.5, 3)
+    assert heat_map.typical(values, [0, 1, 2, 4]) == (3.0, 0)
+    assert heat_map.typical(values, [0, 2]) == (2.0, 2)
     value, number = heat_map.typical(values, [1, 5])
     assert np.isnan(value) and number == 1
 
 
 def test_each_cell_has_its_median_and_the_number_of_its_flight(tmp_path, figures_of):
     figures = figures_of(heat_map)
-    heat_map.draw(tmp_path / 'map.png', crossed(), NAMES, 'Gain and mass')
+    heat_map.draw(tmp_path / 'map.png', crossed(), NAMES, 'Gain and mass', {'mass': 'kg'})
     axes = [one for one in figures[0].axes if one.images]
     assert len(axes) == len(plot.METRICS)
     shown = np.asarray(axes[0].images[0].get_array())
     np.testing.assert_allclose(shown, np.outer((0.06, 0.07), (1.0, 2.0, 4.0)) + 0.002)
     texts = {tuple(map(int, text.get_position())): text.get_text() for text in axes[0].texts}
     assert texts == {(c, r): str(6 * c + 3 * r + 1) for c in range(3) for r in range(2)}
-    assert axes[0].get_xlabel() == 'controller_node.gain' and axes[0].get_ylabel() == 'mass'
+    assert axes[0].get_xlabel() == 'controller_node.gain' and axes[0].get_ylabel() == 'mass [kg]'
     assert (tmp_path / 'map.png').stat().st_size > 10_000
 
 

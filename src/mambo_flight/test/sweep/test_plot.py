@@ -95,6 +95,23 @@ def test_a_band_is_of_percentiles_about_the_median(tmp_path, figure):
     assert (outer.min(), outer.max()) == pytest.approx((0.05, 2.95))
 
 
+def test_few_flights_are_single_dots_with_a_median_only_where_values_repeat(tmp_path, figure):
+    def drawn(x):
+        data = {name: list(np.linspace(1.0, 2.0, len(x))) for name in plot.METRICS} | {'wind': x}
+        plot.draw(tmp_path / 'a.png', data, ['wind'], '', {'wind': 'm/s'})
+        axes = figure[-1].axes[4]
+        assert axes.get_xlabel() == 'wind [m/s]'
+        legend = [text.get_text() for text in axes.get_legend().get_texts()]
+        return legend, [line.get_xydata().tolist() for line in axes.lines]
+
+    assert drawn([1.0, 3.0, 2.0]) == (
+        ['one flight each'], [[[1.0, 1.0], [3.0, 1.5], [2.0, 2.0]]])
+    assert drawn([1.0, 1.0, 2.0]) == (['one flight each', 'median'], [
+        [[1.0, 1.0], [1.0, 1.5], [2.0, 2.0]], [[1.0, 1.25], [2.0, 2.0]]])
+    assert drawn(list(np.linspace(0.0, 1.0, 59)))[0] == ['one flight each']  # 4 in a bin
+    assert drawn(list(np.linspace(0.0, 1.0, 60)))[0] == ['5 to 95 %', '25 to 75 %', 'median']
+
+
 @given(values=st.lists(st.one_of(st.floats(-1e3, 1e3), st.just(np.nan)), max_size=40))
 def test_percentiles_rise_and_hold_every_finite_value(values):
     percent, found = plot.percentiles(np.array(values))
