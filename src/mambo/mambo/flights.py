@@ -18,6 +18,7 @@ from mambo_estimation.filters import REGISTRY as ESTIMATORS
 from mambo_flight import recording_to_bag, scenario_file, supervised, unused
 from mambo_flight.closed_loop import Recording
 from mambo_flight.course import function_course
+from mambo_flight.fly import failure as failure_of
 from mambo_flight.scenario import override, Scenario
 from mambo_flight.scenario_file import Place
 from mambo_flight.sweep import monte_carlo
@@ -67,6 +68,8 @@ class Flight:
             ending = f', held or landed by the failsafe ({m["failsafe"]})'
         if m['fallen']:
             ending += ', lay on the floor below its reference or fell after its landing'
+        if not ending and self.failure:
+            ending = f', {self.failure}'
         errors = 'never took off' if math.isnan(m['tracking_rms']) else (
             f'tracking RMS {m["tracking_rms"]:.4g} m, estimation RMS {m["estimation_rms"]:.4g} m')
         return (f'<Flight {self.name}: {self.t[-1]:g} s, {errors}{ending}>'
@@ -81,6 +84,11 @@ class Flight:
     def metrics(self) -> dict[str, Any]:
         """Return tracking and estimation errors [m], saturation and endings by name."""
         return monte_carlo.measure(self.scenario, self.recording)
+
+    @cached_property
+    def failure(self) -> str:
+        """Return why the flight was not flown as asked, as ``mambo fly`` says; empty: it was."""
+        return self.fault or failure_of(self.scenario, self.recording, self.metrics)
 
     def to_pandas(self) -> pandas.DataFrame:
         """

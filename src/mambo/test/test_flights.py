@@ -50,6 +50,15 @@ def test_a_flight_that_never_took_off_says_so():
     assert repr(grounded) == '<Flight hover_ground_truth: 1 s, never took off>'
 
 
+def test_a_flight_that_was_not_flown_as_asked_says_why(flight):
+    assert not flight.failure
+    light = mambo.fly(trajectory='hover', duration=15.0, believed='identified',
+                      controller='cascaded',
+                      parameters={'sim_node.simulator.vehicle.mass': 0.05})
+    assert 'above its reference, from' in light.failure and light.failure in repr(light)
+    assert light.metrics['strayed'] and not light.metrics['fallen']
+
+
 def test_a_saved_bag_is_that_of_the_command(tmp_path, capsys):
     file = tmp_path / 'flight.yaml'
     flight = mambo.fly('fig_5_11', parameters={'sim_node.duration': 2.0})

@@ -26,7 +26,7 @@ import numpy as np
 from . import closed_loop, commanded, flight_options, recording_to_bag, scenario_file, supervised
 from .scenario import commented_yaml, Scenario
 from .sweep import monte_carlo
-from .world import formation, separation, together, world_file
+from .world import formation, separation, world_file
 from .world.formation import Drones
 
 LEAST_TOLD = 1.0  # s of compiling that a flight tells of
@@ -88,8 +88,18 @@ def _errors(metrics: Mapping[str, Any]) -> str:
             f'estimation error {metrics["estimation_rms"]:.3g} m RMS{ending}')
 
 
-def _ended(flight: Scenario, r: closed_loop.Recording, metrics: Mapping[str, Any]) -> str:
-    """Return why a flight ended early, or an empty string; by hand nothing is flown."""
+def failure(flight: Scenario, r: closed_loop.Recording, metrics: Mapping[str, Any]) -> str:
+    """
+    Return why a flight was not flown as asked, or an empty string; by hand nothing is flown.
+
+    Parameters
+    ----------
+    flight, r
+        Scenario and what was recorded.
+    metrics
+        Of :func:`mambo_flight.sweep.monte_carlo.measure`.
+
+    """
     if flight.sim_node.simulator.hand.enabled:
         return ''
     if metrics['shutdown']:
@@ -97,8 +107,10 @@ def _ended(flight: Scenario, r: closed_loop.Recording, metrics: Mapping[str, Any
                 f'{metrics["shutdown_reason"]}')
     if metrics['failsafe']:
         return f'the failsafe held or landed the vehicle at the end: {metrics["failsafe"]}'
-    return flight_fault(r.t * 1e-9, -r.truth[:, 2], -r.reference[:, 2], r.phase,  # NED
-                        (r.pwm > 0.0).any(axis=1), flight.sim_node.simulator.plant.ground)
+    up = (1.0, 1.0, -1.0)  # NED to z up
+    return flight_fault(
+        r.t * 1e-9, r.truth[:, :3] * up, r.reference[:, :3] * up, r.phase,
+        (r.pwm > 0.0).any(axis=1), flight.sim_node.simulator.plant.ground)
 
 
 def _over(flight: Scenario, r: closed_loop.Recording) -> str:
@@ -182,7 +194,7 @@ def write_flight(name: str, flight: Scenario, output: Path) -> None:
           f'bag: {output}')
     if said := _over(flight, recording):
         print(f'{name}: {said}')
-    if reason := fault or _ended(flight, recording, metrics):
+    if reason := fault or failure(flight, recording, metrics):
         raise JobError(f'{name}: {reason}')
 
 
@@ -191,7 +203,8 @@ def _run_together(name: str, drones: Drones, output: Path) -> None:
     world, lines = drones.hall.params, []
     began = time.monotonic()
     with _compiling() as compiled:
-        result = together.fly(drones.flights, world, list(drones.hall.places.values()))
+        result, fault = supervised.fly_together(
+            drones.flights, world, list(drones.hall.places.values()))
     flown = time.monotonic()
     began += sum(compiled)
     text, tracks = world_file.to_text(drones.hall), {}
@@ -206,7 +219,7 @@ def _run_together(name: str, drones: Drones, output: Path) -> None:
         print(f'{space}: {_errors(metrics)}')
         if said := _over(own, recording):
             print(f'{space}: {said}')
-        if reason := _ended(own, recording, metrics):
+        if reason := failure(own, recording, metrics):
             lines.append(f'{space}: {reason}')
         tracks[space] = separation.Track(recording.t, recording.truth[:, :3] + np.array(place))
     end = time.monotonic()
@@ -218,8 +231,11 @@ def _run_together(name: str, drones: Drones, output: Path) -> None:
     collided = [one.describe(list(tracks)) for one in result.collisions]
     if collided:
         print(*collided, sep='\n')
-    if lines := [*collided, *lines]:
-        raise JobError(f'{name}: {lines[0]}')
+    if reasons := [*([fault] if fault else []), *collided, *lines]:
+        for line in lines:
+            if line != reasons[0]:
+                print(f'{name}: {line}', file=sys.stderr)
+        raise JobError(f'{name}: {reasons[0]}')
 
 
 def parser() -> Parser:

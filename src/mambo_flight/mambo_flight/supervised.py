@@ -8,7 +8,7 @@ copy is killed, and the rows flown until then remain. Other flights are flown in
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 import contextlib
 import mmap
 import os
@@ -24,11 +24,15 @@ import warnings
 from mambo_model import slots
 from mambo_model.components import Component, own_components, where
 from mambo_model.errors import JobError
+from mambo_model.motion.vector import Vec3
+from mambo_sim.world import WorldParams
 import numpy as np
 
 from . import closed_loop
 from .closed_loop import Recording
 from .scenario import Scenario
+from .world import together
+from .world.together import Together
 
 HUNG = 10.0    # s of wall time in compiled code without a new step
 _LOOK = 0.05   # s between two checks of the copy
@@ -65,14 +69,66 @@ def fly(flight: Scenario, inner: bool = False) -> tuple[Recording, str]:
     def work(give: Callable[[str], None]) -> None:
         closed_loop.run(flight, out)
         give(slots.latest_fault())
-    given, ended = in_copy(work, lambda: int(np.argmax(out.reason == _NEVER)))
+    given, ended = in_copy(work, lambda: _rows(out))
     if ended:
         return out, given[0]
-    rows = int(np.argmax(out.reason == _NEVER))
+    rows = _rows(out)
     text = _describe(own, rows)
     if not rows:
         raise JobError(text)
     return _each(out, lambda column: column[:rows]), text
+
+
+def fly_together(
+    flights: Sequence[Scenario], params: WorldParams, places: Sequence[Vec3],
+) -> tuple[Together, str]:
+    """
+    Fly several drones as :func:`together.fly`, and end them if compiled code of the user hangs.
+
+    Returns
+    -------
+    result
+        All steps, or those that every drone flew before the one that did not end. Of a flight
+        that was ended collisions and the exchange of names in the motion capture are not known.
+    fault
+        As of :func:`fly`.
+
+    Raises
+    ------
+    JobError
+        If the first step does not end: nothing was flown.
+
+    """
+    slots.latest_fault()  # forget faults of earlier flights
+    own = list(dict.fromkeys(one for flight in flights for one in own_compiled(flight)))
+    if not own:
+        with _staying():
+            return together.fly(flights, params, places), slots.latest_fault()
+    out = [_each(closed_loop.blank(flight, inner=True), _shared) for flight in flights]
+    for one in out:
+        one.reason.fill(_NEVER)
+
+    def flown() -> int:
+        return min(_rows(one) for one in out)
+
+    def work(give: Callable[[Any], None]) -> None:
+        result = together.fly(flights, params, places, out)
+        give((result.collisions, result.exchanges, slots.latest_fault()))
+    given, ended = in_copy(work, flown)
+    if ended:
+        collisions, exchanges, fault = given[0]
+        return Together(out, collisions, exchanges), fault
+    rows = flown()
+    text = _describe(own, rows)
+    if not rows:
+        raise JobError(text)
+    return Together([_each(one, lambda column: column[:rows]) for one in out], [], []), text
+
+
+def _rows(recording: Recording) -> int:
+    """Return how many rows of a recording have been flown."""
+    never = recording.reason == _NEVER
+    return int(np.argmax(never)) if never.any() else len(never)
 
 
 @contextlib.contextmanager

@@ -206,7 +206,7 @@ def test_the_time_of_the_compiler_is_not_that_of_the_flight(file, tmp_path, caps
 
 @pytest.mark.long
 def test_so_it_is_for_several_drones(tmp_path, capsys, monkeypatch):
-    fly_together, took = fly.together.fly, []
+    fly_together, took = fly.supervised.together.fly, []
 
     def compiles(*arguments, **options):
         with event.trigger_event('numba:compile'):
@@ -215,7 +215,7 @@ def test_so_it_is_for_several_drones(tmp_path, capsys, monkeypatch):
         result = fly_together(*arguments, **options)
         took.append(time.monotonic() - began)
         return result
-    monkeypatch.setattr(fly.together, 'fly', compiles)
+    monkeypatch.setattr(fly.supervised.together, 'fly', compiles)
     arguments = ['--trajectory', 'hover', '--drones', '2', '--duration', '1', '--no-landing']
     assert fly.main([*arguments, '-o', str(tmp_path / 'bags')]) == 0
     out = capsys.readouterr().out
@@ -231,7 +231,7 @@ def test_an_interruption_says_how_many_bags_of_a_hall_are_written(tmp_path, monk
         if len(written) == 3:
             raise KeyboardInterrupt(signal.SIGTERM)
     flights = SimpleNamespace(recordings=[recording(1.0)] * 4)
-    monkeypatch.setattr(fly.together, 'fly', lambda *_: flights)
+    monkeypatch.setattr(fly.supervised.together, 'fly', lambda *_: flights)
     monkeypatch.setattr(fly.monte_carlo, 'measure', lambda flight, recording: METRICS | {
         'shutdown': False})
     monkeypatch.setattr(fly.recording_to_bag, 'write', write)

@@ -7,7 +7,9 @@ import time
 
 from mambo_bags.reader import read_bag
 from mambo_flight import closed_loop, fly, scenario as scenarios, supervised
+from mambo_flight.world import together
 from mambo_model.errors import JobError
+from mambo_sim.world import WorldParams
 import numpy as np
 import pytest
 
@@ -61,6 +63,45 @@ def test_a_step_that_never_ends_leaves_what_was_flown_in_a_closed_bag(
                         'end within 5 s\n')
     assert len(read_bag(bag)['motor_pwm']) == 800  # from t = 0, 200 steps of it on the ground
     assert time.monotonic() - began < 300.0
+
+
+@pytest.mark.long
+@pytest.mark.slow
+def test_a_step_that_never_ends_leaves_closed_bags_of_all_drones_of_a_hall(
+        faulty, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(supervised, 'HUNG', 5.0)
+    hall = ['--controller', str(faulty), '--trajectory', 'hover', '--estimator', 'ground_truth',
+            '--duration', '7', '--no-landing', '--drones', '2']
+    bags = tmp_path / 'bags'
+    assert fly.main([*hall, '-o', str(bags), '--set', 'controller_node.faulty.hangs=600']) == 1
+    assert 'the compiled step at t = 4.000 s did not end within 5 s' in capsys.readouterr().err
+    for space in ('mambo1', 'mambo2'):
+        assert len(read_bag(bags / space)['motor_pwm']) == 800
+    # and without it, the numbers of the flight in one process
+    flights = [flight(faulty)] * 2
+    world, places = WorldParams(drones=2), [(0.0, 0.0, 0.0), (3.0, 0.0, 0.0)]
+    (out, *_), fault = supervised.fly_together(flights, world, places)
+    again = together.fly(flights, world, places).recordings
+    assert fault == ''
+    for one, two in zip(out, again, strict=True):
+        np.testing.assert_array_equal(one.truth, two.truth)
+
+
+def test_a_fault_of_code_in_a_hall_and_every_drone_that_failed_is_told(
+        tmp_path, capsys, monkeypatch):
+    mine = tmp_path / 'mine.py'
+    mine.write_text(PD.read_text().replace('@jit\n', '').replace(
+        '    v = rotate(',
+        '    if memory.steps == 300:\n        raise ValueError("boom")\n    v = rotate('))
+    arguments = ['--trajectory', 'hover', '--duration', '6', '--no-landing', '--drones', '2',
+                 '--controller', str(mine), '--estimator', 'ground_truth',
+                 '-o', str(tmp_path / 'bags')]
+    assert fly.main(arguments) == 1
+    said = capsys.readouterr().err.splitlines()
+    line = mine.read_text().splitlines().index('        raise ValueError("boom")') + 1
+    assert said[-1] == f'fly: hover: {mine}:{line}: ValueError: boom'
+    assert [line.split(': ')[1] for line in said[:-1] if line.startswith('hover: ')] == [
+        '/mambo1', '/mambo2']
 
 
 def test_an_error_of_the_copy_is_that_of_the_flight(monkeypatch):

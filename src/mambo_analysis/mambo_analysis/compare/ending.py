@@ -55,14 +55,13 @@ def _beside_reference(bag: Bag, topic: str) -> tuple[Ints, Ints] | None:
     return rows, asked
 
 
-def _height_fault(bag: Bag) -> str:
-    """Return how the vehicle did not follow the height of its reference, or an empty string."""
+def _flight_fault(bag: Bag) -> str:
+    """Return how the vehicle did not follow its reference, or an empty string."""
     if (rows := _beside_reference(bag, 'ground_truth/odom')) is None:
         return ''
     (true, asked), truth, reference = rows, bag['ground_truth/odom'], bag['reference']
-    return flight_fault(reference.t[asked], truth.position[true, 2],
-                        reference.position[asked, 2], reference.phase[asked],
-                        _turning(bag, reference.stamp[asked]),
+    return flight_fault(reference.t[asked], truth.position[true], reference.position[asked],
+                        reference.phase[asked], _turning(bag, reference.stamp[asked]),
                         _parameter(bag, 'sim_node', 'simulator', 'plant', 'ground') is not False)
 
 
@@ -135,8 +134,8 @@ def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
     Returns
     -------
     Lines: a failsafe that ended the flight, and motors stopped by their watchdog; without either,
-    motors that a controller shut down in flight, or a vehicle far from the height of its
-    reference; less flown than the scenario in the bag asks for.
+    motors that a controller shut down in flight, or a vehicle far from its reference; less
+    flown than the scenario in the bag asks for.
 
     """
     lines, first = [], set()
@@ -146,7 +145,7 @@ def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
         if status.name in finals and status.level == _ERROR and status.name not in first:
             first.add(status.name)
             lines.append(f'{status.name} at {t:.3f} s: {status.message}')
-    if not lines and not carried and (reason := _shut_down(bag) or _height_fault(bag)):
+    if not lines and not carried and (reason := _shut_down(bag) or _flight_fault(bag)):
         lines.append(reason)
     clock = next((name for name in ('/clock', 'clock') if name in bag), None)
     planned = _planned(bag)

@@ -18,6 +18,7 @@ from typing import Any
 
 from mambo_bags.cli.option_types import FLIGHT, WORKERS
 from mambo_bags.command import guard, interrupted, Parser, program
+from mambo_model.motion.height_check import FAR
 from mambo_model.whole_file import PICTURE, refuse_existing, refuse_other_kind
 import numpy as np
 
@@ -112,6 +113,9 @@ def summary(data: Mapping[str, Sequence[Any]]) -> str:
     if fallen := sum(data['fallen']):
         lines.append(f'{fallen} of {flights} flights lay on the floor below their reference, '
                      'or fell after their landing')
+    if strayed := sum(data['strayed']):
+        lines.append(f'{strayed} of {flights} flights were more than {FAR:g} m beside their '
+                     'reference, or far from its height, for 2 s')
     rows = list(zip(*(values for name, values in data.items() if name != 'flight'), strict=True))
     if repeats := flights - len(set(map(repr, rows))):  # NaN equals NaN there
         lines.append(f'{repeats} of {flights} flights repeat another one, with all its values')

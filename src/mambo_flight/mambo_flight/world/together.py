@@ -55,6 +55,7 @@ def _step(held, k, push, stop, view, row, estimating):
 
 def fly(
     flights: Sequence[Scenario], params: WorldParams, places: Sequence[Vec3],
+    recordings: Sequence[Recording] | None = None,
 ) -> Together:
     """
     Fly several drones in one hall.
@@ -67,6 +68,8 @@ def fly(
         Of the hall.
     places
         Where each drone starts, (3,) m, inertial NED of the hall.
+    recordings
+        To be filled, of :func:`closed_loop.blank` with the columns of a bag; None: new ones.
 
     Returns
     -------
@@ -86,12 +89,13 @@ def fly(
     world = World(params, places, [flight.sim_node.simulator.vehicle for flight in flights])
     capture = hall_capture.of_hall(
         params.capture, places, [flight.optitrack_node.optitrack for flight in flights])
-    held, recordings, later, estimating = [], [], [], []
-    for flight, row in zip(flights, world.seen, strict=True):
-        p, out = closed_loop.settings(flight), closed_loop.blank(flight, inner=True)
+    if recordings is None:
+        recordings = [closed_loop.blank(flight, inner=True) for flight in flights]
+    held, later, estimating = [], [], []
+    for flight, out, row in zip(flights, recordings, world.seen, strict=True):
+        p = closed_loop.settings(flight)
         carry, rngs, mocap_rng = closed_loop.begin(flight, p)
         held.append(hold(carry, (rngs, mocap_rng), (p, out)))
-        recordings.append(out)
         later.append(dict(changes.settings_later(flight, p, len(out.t))))
         _observe(held[-1], row)
         estimating.append(closed_loop.estimates(p))
@@ -106,4 +110,4 @@ def fly(
         for one, push, stop, view, row, own in zip(
                 held, pushes, world.stopped, views, world.seen, estimating, strict=True):
             _step(one, k, push, stop, view, row, own)
-    return Together(recordings, world.collisions, capture.exchanges if capture else [])
+    return Together(list(recordings), world.collisions, capture.exchanges if capture else [])

@@ -19,7 +19,8 @@ vary:
   duration: 2.5
   sim_node.simulator.vehicle.mass: [0.063, 0.068]
 """
-ROW = dict.fromkeys(command.SHOWN, 0.5) | {'shutdown': False, 'failsafe': '', 'fallen': False}
+ROW = dict.fromkeys(command.SHOWN, 0.5) | {
+    'shutdown': False, 'failsafe': '', 'fallen': False, 'strayed': False}
 
 
 @pytest.fixture
@@ -103,22 +104,25 @@ def test_a_summary_has_percentiles_of_what_is_finite_and_counts_shutdowns():
     data = {name: list(values) for name in command.SHOWN}
     data['pwm_max'] = [math.nan] * 103
     data |= {'flight': list(range(103)), 'shutdown': [True] * 3 + [False] * 100,
-             'failsafe': ['crash'] * 5 + [''] * 98, 'fallen': [True] * 2 + [False] * 101}
+             'failsafe': ['crash'] * 5 + [''] * 98, 'fallen': [True] * 2 + [False] * 101,
+             'strayed': [True] * 3 + [False] * 100}
     lines = summary(data).splitlines()
     row = next(line for line in lines if line.startswith('tracking_rms'))
     assert row.split()[1:] == ['5', '50', '95', '100']
     assert not any(line.startswith('pwm_max') for line in lines)  # nothing to tell
-    assert lines[-4:] == ['1 of 103 flights never took off: no errors',
+    assert lines[-5:] == ['1 of 103 flights never took off: no errors',
                           '3 of 103 flights were shut down',
                           '2 of 103 flights ended while the failsafe held or landed them',
                           '2 of 103 flights lay on the floor below their reference, or fell '
-                          'after their landing']
+                          'after their landing',
+                          '3 of 103 flights were more than 5 m beside their reference, or far '
+                          'from its height, for 2 s']
 
 
 def test_a_summary_counts_flights_that_repeat_another_one():
     data = {name: [0.5, math.nan, 0.5, float('nan'), 0.5] for name in command.SHOWN}
     data |= {'flight': list(range(5)), 'shutdown': [False] * 5, 'failsafe': [''] * 5,
-             'fallen': [False] * 5, 'seed': [1, 2, 1, 2, 3]}
+             'fallen': [False] * 5, 'strayed': [False] * 5, 'seed': [1, 2, 1, 2, 3]}
     assert '2 of 5 flights repeat another one, with all its values' in summary(data).splitlines()
     data['tracking_rms'] = [0.1, math.nan, 0.2, float('nan'), 0.3]  # two never took off
     assert not re.search('repeat|no effect', summary(data | {'seed': [1, 2, 3, 4, 5]}))
@@ -127,7 +131,7 @@ def test_a_summary_counts_flights_that_repeat_another_one():
 def test_a_summary_counts_flights_that_a_varied_value_has_no_effect_on():
     data = {name: [0.5, 0.6, 0.5, math.nan, math.nan] for name in command.SHOWN}
     data |= {'flight': list(range(5)), 'shutdown': [False] * 5, 'failsafe': [''] * 5,
-             'fallen': [False] * 5, 'gust_time': [1.0, 1.0, 2.0, 3.0, 4.0]}
+             'fallen': [False] * 5, 'strayed': [False] * 5, 'gust_time': [1.0, 1.0, 2.0, 3.0, 4.0]}
     assert summary(data).splitlines()[-1] == (
         '1 of 5 flights have the numbers of one with other parameters: what varies between these '
         'has no effect')

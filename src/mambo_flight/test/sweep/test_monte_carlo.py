@@ -8,7 +8,7 @@ from mambo_control import failsafe
 from mambo_flight import closed_loop
 from mambo_flight.scenario import replaced, scenario
 from mambo_flight.sweep import monte_carlo
-from mambo_model.motion.height_check import height_fault, landing_fault
+from mambo_model.motion.height_check import distance_fault, height_fault, landing_fault
 from mambo_model.motion.trajectory import GROUND, LANDED
 from mambo_model.vehicle.battery import electric_power, supply
 from mambo_model.vehicle.parameters import Vehicle
@@ -208,6 +208,25 @@ def test_a_fall_is_counted_as_it_is_judged_in_a_bag(runs):
     assert row['fallen'] == bool(
         height_fault(t, height, wanted, phase) or landing_fault(t, height, phase, turning))
     assert not monte_carlo.metrics(tally, Vehicle(), floor=False)['fallen']
+
+
+@given(runs=st.lists(st.tuples(
+    st.sampled_from([0.0, 1.9, 4.0, 8.0]), st.sampled_from([0.0, 1.0, 2.5, 9.0]),
+    st.sampled_from([0.0, 4.9, 5.1]), st.integers(0, 4), st.sampled_from([100, 399, 401])),
+    min_size=1, max_size=4))
+@settings(max_examples=60, deadline=None)
+def test_a_flight_strays_as_it_is_judged_in_a_bag(runs):
+    height, wanted, beside, phase = (
+        np.repeat(part, [run[4] for run in runs]) for part in zip(*[run[:4] for run in runs]))
+    t, tally, zero = 0.005 * np.arange(len(phase)), monte_carlo.START, (0.0,) * 4
+    for now, z, y, asked, part in zip(t, -height, beside, -wanted, phase):
+        truth = 0.6 * y, -0.8 * y, z
+        tally = monte_carlo.count(
+            tally, now, truth, truth, (0.0, 0.0, asked), part, zero, False, 0,
+            Vehicle().values(), zero)
+    row = monte_carlo.metrics(tally, Vehicle(), floor=False)
+    assert row['strayed'] == bool(
+        height_fault(t, height, wanted, phase, False) or distance_fault(t, beside, phase))
 
 
 def test_the_speed_is_the_median_without_the_flight_that_compiles(monkeypatch):

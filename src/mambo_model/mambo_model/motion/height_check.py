@@ -1,4 +1,4 @@
-"""Whether a vehicle lay on the floor below its reference, was far from its height, or fell."""
+"""Whether a vehicle lay on the floor below its reference, was far from it, or fell."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from .trajectory import in_flight
 ABOVE = 0.2  # m, height of a reference that a vehicle on the floor does not follow (judgement)
 LOW = 0.05  # m, the same of a vehicle that never rose in its flight
 LONG = 0.3  # s, so long a vehicle follows no reference that leaps up; sound flights: 0.1 s at most
-FAR = 5.0  # m, distance in height at which a vehicle does not follow its reference, or the height
-#            of the flight if that is less, at least HIGH (judgement)
+FAR = 5.0  # m, distance at which a vehicle does not follow its reference: horizontally, and in
+#            height, or the height flown so far if that is less, at least HIGH (judgement)
 HIGH = 1.0  # m, the same above a reference on the floor, which may slope
 DROP = 0.15  # m above the floor, from which a vehicle falls with 1.7 m/s (judgement)
 AWAY = 2.0  # s, so long it needs for a leap of 10 m with an acceleration of 1 g (judgement)
@@ -32,6 +32,25 @@ def lies_below(height: float, wanted: float) -> bool:
 
     """
     return (wanted > ABOVE) & (height <= LIFTED)
+
+
+@jit
+def too_far(height: float, wanted: float, top: float, flown: bool) -> bool:
+    """
+    Return whether a vehicle is far from the height of its reference, at one instant.
+
+    Parameters
+    ----------
+    height, wanted : m
+        As of :func:`lies_below`.
+    top : m
+        Largest height of the reference in flight so far.
+    flown
+        Whether the reference flies; on the floor no vehicle is far below it.
+
+    """
+    off = height - wanted
+    return (off > HIGH) if not flown else abs(off) > min(max(top, HIGH), FAR)
 
 
 def height_fault(
@@ -69,12 +88,34 @@ def height_fault(
             return (f'the vehicle was on the floor from {begin:.2f} to {end:.2f} s, up to '
                     f'{wanted[part].max():.2f} m below its reference')
     off = height - wanted
-    far = min(max(float(wanted[flown].max(initial=0.0)), HIGH), FAR)
-    if found := _longest(t, np.where(flown, np.abs(off) > far, off > HIGH), AWAY):
+    top = np.fmax.accumulate(np.where(flown, wanted, 0.0)) if len(t) else wanted
+    far = np.where(flown, np.abs(off) > np.clip(top, HIGH, FAR), off > HIGH)
+    if found := _longest(t, far, AWAY):
         begin, end, part = found
         most = off[part][np.abs(off[part]).argmax()]
         return (f'the vehicle was up to {abs(most):.2f} m {"above" if most > 0.0 else "below"} '
                 f'its reference, from {begin:.2f} to {end:.2f} s')
+    return ''
+
+
+def distance_fault(
+    t: NDArray[np.float64], beside: NDArray[np.float64], phase: NDArray[np.int64],
+) -> str:
+    """
+    Return where a vehicle was far from its reference horizontally, in flight, or ''.
+
+    Parameters
+    ----------
+    t, phase
+        As of :func:`height_fault`.
+    beside : (n,) m
+        True horizontal distance from the reference.
+
+    """
+    if found := _longest(t, python(in_flight)(phase) & (beside > FAR), AWAY):
+        begin, end, part = found
+        return (f'the vehicle was up to {beside[part].max():.2f} m beside its reference, from '
+                f'{begin:.2f} to {end:.2f} s')
     return ''
 
 
@@ -104,12 +145,25 @@ def landing_fault(
 
 
 def flight_fault(
-    t: NDArray[np.float64], height: NDArray[np.float64], wanted: NDArray[np.float64],
+    t: NDArray[np.float64], truth: NDArray[np.float64], wanted: NDArray[np.float64],
     phase: NDArray[np.int64], turning: NDArray[np.bool_], floor: bool = True,
 ) -> str:
-    """Return :func:`height_fault`; without one, with a floor, :func:`landing_fault`."""
-    return height_fault(t, height, wanted, phase, floor) or (
-        landing_fault(t, height, phase, turning) if floor else '')
+    """
+    Return why a flight was not flown as asked: height, distance or landing; or an empty string.
+
+    Parameters
+    ----------
+    t, phase, turning, floor
+        As of :func:`height_fault` and :func:`landing_fault`.
+    truth, wanted : (n, 3) m
+        True position and that of the reference, z up.
+
+    """
+    height = truth[:, 2]
+    off = truth - wanted
+    beside = np.sqrt(off[:, 0] * off[:, 0] + off[:, 1] * off[:, 1])
+    return height_fault(t, height, wanted[:, 2], phase, floor) or distance_fault(
+        t, beside, phase) or (landing_fault(t, height, phase, turning) if floor else '')
 
 
 def over_in_the_air(height: float, turning: bool) -> str:

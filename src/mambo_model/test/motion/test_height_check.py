@@ -1,7 +1,7 @@
 """A vehicle that lies on the floor while its reference flies has not flown as asked."""
 
 from mambo_model.motion.height_check import (
-    ABOVE, height_fault, landing_fault, LONG, LOW, over_in_the_air)
+    ABOVE, distance_fault, flight_fault, height_fault, landing_fault, LONG, LOW, over_in_the_air)
 from mambo_model.motion.trajectory import GROUND, LANDED, LANDING, TAKEOFF, TRACK
 import numpy as np
 import pytest
@@ -62,6 +62,33 @@ def test_without_a_floor_nothing_lies_on_it():
     low, wanted, phase = np.zeros(6), np.ones(6), np.full(6, TRACK)
     assert height_fault(T, low, wanted, phase) and not height_fault(T, low, wanted, phase, False)
     assert 'below its reference' in height_fault(T, low - 5.0, wanted, phase, False)
+
+
+def test_what_is_far_in_height_depends_on_the_height_flown_so_far():
+    t, phase = np.arange(400) * 0.01, np.full(400, TRACK)
+    for wanted, off, told in ((0.5, 0.9, False), (0.5, 1.1, True), (3.0, 2.9, False),
+                              (3.0, 3.1, True), (9.0, 4.9, False), (9.0, 5.1, True)):
+        for sign in (1.0, -1.0):
+            assert bool(height_fault(
+                t, np.full(400, wanted + sign * off), np.full(400, wanted), phase, False)) == told
+    later = np.where(t < 3.0, 0.5, 9.0)  # 2 m above a low reference, before it rises
+    assert height_fault(t, later + 2.0 * (t < 3.0), later, phase).endswith('from 0.00 to 2.99 s')
+
+
+@pytest.mark.parametrize(('beside', 'seconds', 'phase', 'told'), [
+    (4.9, 4.0, TRACK, False), (5.1, 4.0, TRACK, True), (5.1, 1.9, TRACK, False),
+    (5.1, 2.1, LANDING, True), (5.1, 4.0, GROUND, False)])
+def test_a_vehicle_far_beside_its_reference_is_named(beside, seconds, phase, told):
+    t = np.arange(401) * 0.01
+    off = np.where((t >= 0.5) & (t < 0.5 + seconds), beside, 0.1)
+    said = distance_fault(t, off, np.full(401, phase))
+    assert said == told * (f'the vehicle was up to {beside:.2f} m beside its reference, from 0.50 '
+                           f'to {min(0.49 + seconds, 4.0):.2f} s')
+    truth = np.stack((-0.6 * off, 0.8 * off, np.ones(401)), axis=1) + (1.0, 2.0, 0.0)
+    wanted = np.zeros((401, 3)) + (1.0, 2.0, 1.0)
+    whole = np.full(401, phase), np.ones(401, bool)
+    assert flight_fault(t, truth, wanted, *whole) == said
+    assert 'above' in flight_fault(t, truth + (0.0, 0.0, 1.5), wanted, *whole)  # comes first
 
 
 ON_FLIGHT = (False, True, True, False, False, False)
