@@ -59,15 +59,30 @@ class Geometry(NamedTuple):
                 frequency, self.mass, self.gravity, self.separation, self.length)
         return bifilar.physical_inertia(frequency, self.mass, self.gravity, self.separation)
 
+    def about_axis(self, J: float) -> float:
+        """Return the moment about the axis of the swing in kg m^2, which scales its damping."""
+        if self.length > 0.0:
+            return J  # the wires turn the body about its centre of mass
+        return J + self.mass * self.separation * self.separation
+
+    def shares(self, frequency: float) -> dict[str, float]:
+        """Return the change of J in % for 1 % of each length and of the mass."""
+        names = {'separation': 'D', 'length': 'h', 'mass': 'mass'}
+        if not self.length > 0.0:
+            del names['length']
+        J = self.inertia(frequency)
+        return {short: 100.0 * (self._replace(**{name: 1.01 * getattr(self, name)}).inertia(
+            frequency) / J - 1.0) for name, short in names.items()}
+
 
 class Inertia(NamedTuple):
     """Result of a swing; J, K_D and C need the geometry."""
 
     frequency: Value         # rad/s, of small swings without damping
-    quadratic: Value         # 1/rad, K_D/J
-    linear: Value            # 1/s, C/J
+    quadratic: Value         # 1/rad, K_D over the moment about the axis of the swing
+    linear: Value            # 1/s, C over it
     amplitude: float         # rad, largest
-    J: Value | None          # kg m^2
+    J: Value | None          # kg m^2, about the centre of mass
     K_D: Value | None        # kg m^2
     C: Value | None          # kg m^2/s
     bias: float              # rad/s, of the gyroscope
@@ -212,7 +227,8 @@ def _result(
         if not J.value > 0.0:
             raise IdentifyError(
                 f'J = {J.value:.3g} kg m^2: the geometry does not fit {frequency.value:.4g} rad/s')
-        K_D, C = (_times(found, i, J, unit) for i, unit in ((1, 'kg m^2'), (2, 'kg m^2/s')))
+        K_D, C = (_times(found, i, J, geometry, unit)
+                  for i, unit in ((1, 'kg m^2'), (2, 'kg m^2/s')))
     bias = float(np.mean(rate - found.residual[:, 0] - model))
     top = float(np.abs(model).max()) / frequency.value
     return Inertia(
@@ -233,10 +249,13 @@ def _inertia(frequency: Value, g: Geometry) -> Value:
     return Value(J, J - half, J + half, 'kg m^2')
 
 
-def _times(found: regression.Fit, i: int, J: Value, unit: str) -> Value:
-    """Return J times a damping that was fitted as its logarithm."""
-    damping = found.positive(i, unit)
-    return Value(*(J.value * x for x in damping[:3]), unit)
+def _times(found: regression.Fit, i: int, J: Value, g: Geometry, unit: str) -> Value:
+    """Return a damping that was fitted as its logarithm times the moment that it slows down."""
+    moment, damping = g.about_axis(J.value), found.positive(i, unit)
+    value, low, high = (moment * x for x in damping[:3])
+    rig = value * J.half / moment  # of frequency and geometry, independent of the damping
+    return Value(value, max(value - float(np.hypot(value - low, rig)), 0.0),
+                 value + float(np.hypot(high - value, rig)), unit)
 
 
 def _draw(t: Floats, rate: Floats, found: Inertia) -> Callable[[Figure], None]:
@@ -254,8 +273,13 @@ def _draw(t: Floats, rate: Floats, found: Inertia) -> Callable[[Figure], None]:
     return draw
 
 
-def _report(options: argparse.Namespace, t: Floats, rate: Floats, found: Inertia) -> result.Report:
-    values = {'omega_0': found.frequency, 'K_D/J': found.quadratic, 'C/J': found.linear}
+def _report(
+    options: argparse.Namespace, t: Floats, rate: Floats, found: Inertia,
+    geometry: Geometry | None,
+) -> result.Report:
+    moment = 'J' if options.rig == 'bifilar' else 'J_axis'
+    values = {'omega_0': found.frequency, f'K_D/{moment}': found.quadratic,
+              f'C/{moment}': found.linear}
     facts = {
         'largest swing [rad]': found.amplitude, 'gyro bias [rad/s]': found.bias,
         'rms residual [rad/s]': found.fit.rms, 'samples': len(t),
@@ -266,7 +290,7 @@ def _report(options: argparse.Namespace, t: Floats, rate: Floats, found: Inertia
     if found.fit.rms > COHERENT * float(np.std(rate)) and found.fit.order[0]:
         notes.append('what is left swings too: (4.2) is not all that acts on this rig')
     name = f'J_{options.axis}{options.axis}'
-    if found.J is None:
+    if found.J is None or geometry is None:
         notes.append('without the geometry of the rig there is no moment of inertia')
         if options.rig == 'physical' and options.mass:
             length = options.gravity / found.frequency.value ** 2
@@ -284,9 +308,13 @@ def _report(options: argparse.Namespace, t: Floats, rate: Floats, found: Inertia
         changed = {'inertia': (tuple(moments), source)}
         notes += _unlike(options, found.J.value, base)
         if not (options.separation_error or options.length_error or options.mass_error):
+            shares = geometry.shares(found.frequency.value)
             notes.append(
-                'the interval holds no error of the geometry: 1 % of D is 2 % of J, 1 % of h or '
-                'mass 1 % (--separation-error, --length-error, --mass-error)')
+                'the interval holds no error of the geometry: '
+                + ', '.join(f'1 % of {name} is {abs(share):.2g} % of J'
+                            for name, share in shares.items())
+                + f' (--separation-error, {"--length-error, " if "h" in shares else ""}'
+                '--mass-error)')
     report = result.Report(
         f'swing about body {options.axis} of {options.file.name}', values, facts, notes, changed,
         _draw(t, rate, found))
@@ -393,7 +421,7 @@ def main(arguments: list[str] | None = None) -> int:
         _refuse_unused(options, command)
         geometry = _geometry(options)
         t, rate = _data(options)
-        return _report(options, t, rate, fit_swing(t, rate, geometry))
+        return _report(options, t, rate, fit_swing(t, rate, geometry), geometry)
     return result.run('identify_inertia', options, work)
 
 

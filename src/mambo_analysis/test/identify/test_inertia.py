@@ -41,6 +41,34 @@ def test_the_axes_of_the_mambo_come_back(J, theta):
     assert found.fit.order == (0,)
 
 
+@pytest.mark.parametrize('arm', [0.05, 0.15])
+def test_damping_about_a_horizontal_axis_is_of_the_moment_about_that_axis(arm):
+    J, m, g = 5e-5, 0.063, 9.81
+    about = J + m * arm ** 2
+    quadratic, linear = K_D * about / J, C * about / J  # which decays as on two wires
+
+    def derivative(_, x):
+        return [x[1], (-quadratic * abs(x[1]) * x[1] - linear * x[1]
+                       - m * g * arm * np.sin(x[0])) / about]
+    rate = solve_ivp(derivative, (0.0, 20.0), [0.4, 0.0], t_eval=T, rtol=1e-9, atol=1e-9).y[1]
+    rate = rate + NOISE * np.random.default_rng(1).standard_normal(len(T))
+    rig = Geometry(m, arm)
+    found = fit_swing(T, rate, rig)
+    assert found.J.low <= J <= found.J.high
+    assert found.K_D.low <= quadratic <= found.K_D.high
+    assert found.C.low <= linear <= found.C.high
+    assert found.K_D.value == pytest.approx(quadratic, rel=0.10)  # of J alone 4 and 29 times less
+    assert found.C.value == pytest.approx(linear, rel=0.07)
+    ruler = fit_swing(T, rate, rig._replace(separation_error=0.0005))
+    assert ruler.K_D.half > found.K_D.half
+    # dlnJ/dlnL = 1 - m L^2/J, dlnJ/dlnm = 1, by hand
+    shares = rig.shares(np.sqrt(m * g * arm / about))
+    assert shares.keys() == {'D', 'mass'} and shares['mass'] == pytest.approx(1.0)
+    assert shares['D'] == pytest.approx(1.0 - m * arm ** 2 / J, rel=0.02)
+    shares = RIG.shares(10.0)
+    assert (shares['D'], shares['h'], shares['mass']) == pytest.approx((2.0, -1.0, 1.0), abs=0.02)
+
+
 @pytest.mark.long
 def test_intervals_cover_over_60_seeds():
     J, (w, d, c) = 7.75e-5, (None, K_D, C)
