@@ -352,7 +352,7 @@ def read(
         np.array(q).reshape(-1, 4), floor, start, end, lowest)
     if len(found.t) < LEAST and pose.impossible > len(pose.t) // 2:
         raise IdentifyError(f'{path}: {outliers.describe("optitrack/pose", pose.impossible)}')
-    return found._replace(impossible=pose.impossible, notes=flow_doubts.floor(bag, pose))
+    return found._replace(impossible=pose.impossible, notes=flow_doubts.floor(bag, pose, floor))
 
 
 def _report(path: Path, data: Samples, leak: bool, slowest: float) -> result.Report:

@@ -14,6 +14,7 @@ from mambo_signals.time_offset import AlignError
 import numpy as np
 from numpy.typing import NDArray
 
+from .allan import Interval
 from .regression import IdentifyError
 from .sensors.statistics import jackknife
 
@@ -21,11 +22,13 @@ Floats = NDArray[np.float64]
 
 LAGS = 0.01 * np.arange(-60, 61)  # s, of the flow behind the motion, that are tried
 USUAL_LAG = (-0.05, 0.15)  # s, of a sensor: it averages, and its samples are transmitted
-SHOWN_LAG = 0.04           # s, from which on a usual lag is worth a note
+SHOWN_LAG = 0.01           # s, from which on a usual lag is worth a note: one of 0.02 s gave a
+                           # slope of 0.03 1/m where there was none
+LEAST_ROWS = 100           # of a flow whose lag is found
 RIVAL = 1.3   # [-] unexplained variance without the lag over that with it, at least
 ALIKE = 1.1   # ratio of the factors of the axes: one lens serves both
 USUAL = (0.6, 1.7)  # Q of known sensors is 0.66 (Crazyflie) to 1.06 (Parrot)
-FLOOR = 0.12  # m between tracked height and range; markers stand up to 0.08 m above a real one
+FLOOR = 0.03  # m between tracked height and range: at 1 m, Q is wrong by that share
 
 
 def refuse(bag: Bag) -> None:
@@ -90,6 +93,34 @@ def late(t: Floats, flow: Floats, geometric: Floats) -> float:
     return float(LAGS[best]) if left(0.0) > RIVAL * shares[best] else 0.0
 
 
+def small_lag(t: Floats, flow: Floats, geometric: Floats) -> Interval | None:
+    """
+    Return the lag of a flow within :data:`USUAL_LAG` with its interval, s; None: it shows none.
+
+    The arguments are those of :func:`late`. The lag is that of the least squares with one factor,
+    between two of ``LAGS`` by the parabola through three.
+    """
+    lags = LAGS[(LAGS > USUAL_LAG[0] - 0.005) & (LAGS < USUAL_LAG[1] + 0.005)]
+    rows = np.flatnonzero((t - lags[-1] >= t[0]) & (t - lags[0] <= t[-1]))
+    if len(rows) < LEAST_ROWS:
+        return None
+    seen = flow[rows] - flow[rows].mean(axis=0)
+    moved = np.stack([[np.interp(t[rows] - lag, t, axis) for axis in geometric.T]
+                      for lag in lags])  # (lags, 2, rows)
+    moved -= moved.mean(axis=2, keepdims=True)
+    along, squares = moved * seen.T, moved * moved
+
+    def best(keep: NDArray[np.int64]) -> float:
+        explained = along[:, :, keep].sum(axis=(1, 2)) ** 2 / np.maximum(
+            squares[:, :, keep].sum(axis=(1, 2)), 1e-12)
+        k = int(np.clip(np.argmax(explained), 1, len(lags) - 2))
+        before, top, after = explained[k - 1:k + 2]
+        bend = before - 2.0 * top + after
+        shift = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
+        return float(lags[k] + np.clip(shift, -1.0, 1.0) * (lags[1] - lags[0]))
+    return jackknife(best, len(rows))
+
+
 def refuse_late(t: Floats, flow: Floats, geometric: Floats) -> list[str]:
     """Refuse a flow of another clock; return a line about a lag that a sensor may have."""
     lag = late(t, flow, geometric)
@@ -97,8 +128,12 @@ def refuse_late(t: Floats, flow: Floats, geometric: Floats) -> list[str]:
         raise IdentifyError(
             f'the flow is {abs(lag):.2f} s {"late" if lag > 0.0 else "early"} against the motion '
             f'capture: align the clocks by mambo join, or give --shift {lag:.2f}')
-    return [] if abs(lag) < SHOWN_LAG else [
-        f'the flow lags by {lag:.2f} s behind the motion capture: --shift {lag:.2f} allows for it']
+    shown = small_lag(t, flow, geometric)
+    if shown is None or shown.low <= SHOWN_LAG and shown.high >= -SHOWN_LAG:
+        return []
+    return [f'the flow lags by {shown.value:.3f} s behind the motion capture (95 %: '
+            f'{shown.low:.3f} to {shown.high:.3f}), which may look like a slope of Q: '
+            f'--shift {shown.value:.3f} allows for it']
 
 
 def unequal(flow: Floats, geometric: Floats) -> list[str]:
@@ -116,16 +151,17 @@ def unequal(flow: Floats, geometric: Floats) -> list[str]:
             'factor, so check the scale of both axes']
 
 
-def floor(bag: Bag, tracked: motion.Motion) -> list[str]:
-    """Return a line if the tracked height is another one than the range to the floor."""
+def floor(bag: Bag, tracked: motion.Motion, at: float = 0.0) -> list[str]:
+    """Return a line if the height above a floor at a height in m is not the range to it."""
     found = height_check.beside(bag, tracked)
     if found is None or len(found[0]) < height_check.LEAST_ROWS:
         return []
     above = float(np.median(found[1][:, 2] - found[0]))
-    if abs(above) < FLOOR:
+    if abs(above - at) < FLOOR:
         return []
-    return [f'the height of optitrack/pose is {above:.2f} m more than the range to the floor '
-            f'(median): give --floor {above:.2f} if the floor is not at its 0']
+    more = f'{abs(above - at):.2f} m {"more" if above > at else "less"}'
+    return [f'the height of optitrack/pose above the floor is {more} than the range to it '
+            f'(median), and Q depends on it: --floor {above:.2f} allows for that']
 
 
 def size(factor: float) -> list[str]:

@@ -43,9 +43,16 @@ def test_another_clock_is_refused(lag, said):
 
 
 def test_the_lag_of_a_sensor_is_a_note_with_its_remedy():
-    assert flow_doubts.refuse_late(T, seen(0.02), moved(T)) == []
-    assert flow_doubts.refuse_late(T, seen(0.1), moved(T)) == [
-        'the flow lags by 0.10 s behind the motion capture: --shift 0.10 allows for it']
+    for lag in (0.0, 0.005, -0.005):
+        assert flow_doubts.refuse_late(T, seen(lag), moved(T)) == []
+    for lag in (0.02, 0.03, 0.1, -0.03):
+        line, = flow_doubts.refuse_late(T, seen(lag), moved(T))
+        found = flow_doubts.small_lag(T, seen(lag), moved(T))
+        assert found.low <= lag <= found.high and found.value == pytest.approx(lag, abs=0.003)
+        assert line.endswith(f'which may look like a slope of Q: --shift {found.value:.3f} '
+                             'allows for it')
+    few = slice(0, 80)
+    assert flow_doubts.small_lag(T[few], seen()[few], moved(T)[few]) is None
 
 
 def test_axes_of_two_factors_are_noted():
@@ -68,10 +75,12 @@ def test_the_floor_of_the_motion_capture_is_compared_with_the_range(monkeypatch)
 
     def raised(bag, tracked):
         ranges, position = beside(bag, tracked)
-        return ranges, position + [0.0, 0.0, 0.2]
+        return ranges, position + [0.0, 0.0, off]
     monkeypatch.setattr(flow_doubts.height_check, 'beside', raised)
-    line, = flow_doubts.floor(bag, tracked)
-    assert 'optitrack/pose is 0.2' in line and 'give --floor 0.2' in line
+    for off, more in ((0.2, '0.20 m more'), (0.05, '0.05 m more'), (-0.05, '0.05 m less')):
+        line, = flow_doubts.floor(bag, tracked)
+        assert f'above the floor is {more} than' in line and f'--floor {off:.2f} allows' in line
+        assert flow_doubts.floor(bag, tracked, off) == []
 
 
 def test_doubled_flow_is_refused_with_topic_and_time(monkeypatch):
