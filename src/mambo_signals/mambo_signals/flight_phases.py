@@ -106,7 +106,7 @@ def phases(bag: Bag) -> Phases:
     between = stamps[begins[(begins > first) & (begins < flying[-1])]]
     listed = tuple(between[:MOST].tolist())
     again = '' if not len(between) else (
-        f'; it flies on after landing at {", ".join("{}" for _ in listed)}'
+        f'; it flies on after a landing begun at {", ".join("{}" for _ in listed)}'
         f'{", ..." if len(between) > MOST else ""} s')
     if not first:
         return Phases(begin, landing_start,

@@ -106,11 +106,11 @@ def test_parts_that_are_not_there_are_none(tmp_path, steps, want, words):
 @pytest.mark.parametrize(('steps', 'ends', 'landing', 'words'), [
     # a landing that is cancelled, one after which it takes off again, one that is the last
     ([(TRACK, 7.0), (LAND, 7.5), (TRACK, 24.0), (LAND, 28.0), (LANDED, 30.0)], 3.25, 24.0,
-     '; it flies on after landing at 7.00 s'),
+     '; it flies on after a landing begun at 7.00 s'),
     ([(TRACK, 5.0), (LAND, 8.0), (LANDED, 10.0), (TAKEOFF, 12.0), (TRACK, 20.0)], 3.25, None,
-     '; it flies on after landing at 5.00 s'),
+     '; it flies on after a landing begun at 5.00 s'),
     ([(TRACK, 2.5), (LAND, 3.0), (TAKEOFF, 5.0), (TRACK, 8.0), (LAND, 9.0)], 2.5, 8.0,
-     '1.25 s of blend, cut short by a landing; it flies on after landing at 2.50 s'),
+     '1.25 s of blend, cut short by a landing; it flies on after a landing begun at 2.50 s'),
     ([(TRACK, 2.5), (LAND, 9.0)], 2.5, 2.5, '1.25 s of blend, cut short by a landing')])
 def test_the_landing_is_the_last_one_and_parts_do_not_overlap(
         tmp_path, steps, ends, landing, words):
@@ -134,7 +134,8 @@ def test_parts_move_with_the_clock(tmp_path):
     bag = referenced(tmp_path / 'b', [
         (TAKEOFF, 2.0), (TRACK, 5.0), (LAND, 6.0), (TRACK, 8.0), (LAND, 9.0)])
     assert phases(bag).moved(10 * SECOND).text == (
-        'phase TRACK from 12.00 s and 1.25 s of blend; it flies on after landing at 15.00 s')
+        'phase TRACK from 12.00 s and 1.25 s of blend; it flies on after a landing begun at '
+        '15.00 s')
 
 
 def height(z, rate=100.0):

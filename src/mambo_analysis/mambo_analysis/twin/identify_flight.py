@@ -156,7 +156,7 @@ def battery_notes(name: str, volts: Floats) -> list[str]:
         return []
     if np.ptp(volts) == 0.0:
         return [f'{name}: the battery shows {volts[0]:.4g} V throughout: it was not measured, and '
-                'exponent, motor lag and inertia hold only if it did not sag']
+                'drag z, exponent, motor lag and inertia hold only if it did not sag']
     lines, part, mean = [], len(volts) // 5, float(volts.mean())
     if mean < LEAST_VOLTS:
         lines.append(f'{name}: the battery shows {mean:.3g} V in the mean, less than one lithium '
@@ -164,8 +164,8 @@ def battery_notes(name: str, volts: Floats) -> list[str]:
     rise = float(volts[-part:].mean() - volts[:part].mean()) if part else 0.0
     if rise > CHARGING * mean:
         lines.append(f'{name}: the battery rises by {rise:.2g} V in the air: it is that of another'
-                     ' flight or runs backwards, and exponent, motor lag and inertia have its '
-                     'error')
+                     ' flight or runs backwards, and drag z, exponent, motor lag and inertia have '
+                     'its error')
     return lines
 
 
@@ -276,8 +276,8 @@ def identify(
         notes.append('it has optical flow: mambo identify flow gives its factor')
     notes.append(f'per mass; thrust and tilt hold at {found.model.voltage:.2f} V'
                  if np.isfinite(found.model.voltage) else
-                 'no battery voltage in the recording: exponent, motor lag and inertia hold only '
-                 'if it did not sag')
+                 'no battery voltage in the recording: drag z, exponent, motor lag and inertia hold '
+                 'only if it did not sag')
     notes += [*command_notes(path.name, hover.value, start),
               *(lag_notes(path.name, found.model.lag, start)
                 if 'motor lag' in values else []), *reading_notes(flight)]
