@@ -276,8 +276,8 @@ def identify(
         notes.append('it has optical flow: mambo identify flow gives its factor')
     notes.append(f'per mass; thrust and tilt hold at {found.model.voltage:.2f} V'
                  if np.isfinite(found.model.voltage) else
-                 'no battery voltage in the recording: drag z, exponent, motor lag and inertia hold '
-                 'only if it did not sag')
+                 'no battery voltage in the recording: drag z, exponent, motor lag and inertia '
+                 'hold only if it did not sag')
     notes += [*command_notes(path.name, hover.value, start),
               *(lag_notes(path.name, found.model.lag, start)
                 if 'motor lag' in values else []), *reading_notes(flight)]
