@@ -123,4 +123,4 @@ def _map(axes: Any, found: Grid, values: np.ndarray, label: str, numbered: bool,
     for axis, name, ticks in zip((axes.xaxis, axes.yaxis), found.names, found.values, strict=True):
         places = np.unique(np.linspace(0, len(ticks) - 1, min(len(ticks), 6)).round().astype(int))
         axis.set_ticks(places, [f'{ticks[k]:.4g}' for k in places])
-        axis.set_label_text(axis_label(name, units))
+        axis.set_label_text(axis_label(name, units, parts=2))

@@ -59,9 +59,9 @@ def measured(data: Mapping[str, Sequence[Any]]) -> dict[str, str]:
             if (found[name][np.isfinite(found[name])] > 0.0).any()}
 
 
-def axis_label(name: str, units: Mapping[str, str]) -> str:
-    """Return the label of a parameter's axis: the end of its name, and its unit if known."""
-    short = '.'.join(name.split('.')[-3:])
+def axis_label(name: str, units: Mapping[str, str], parts: int = 3) -> str:
+    """Return the label of a parameter's axis: parts of its name, and its unit if known."""
+    short = '.'.join(name.split('.')[-parts:])
     return f'{short} [{units[name]}]' if units.get(name, '-') != '-' else short
 
 
