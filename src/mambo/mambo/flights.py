@@ -67,7 +67,8 @@ class Flight:
         if m['failsafe'] and not m['shutdown']:
             ending = f', held or landed by the failsafe ({m["failsafe"]})'
         if m['fallen']:
-            ending += ', lay on the floor below its reference or fell after its landing'
+            ending += (', lay on the floor below its reference, fell after its landing, or hit '
+                       'the floor')
         if not ending and self.failure:
             ending = f', {self.failure}'
         errors = 'never took off' if math.isnan(m['tracking_rms']) else (

@@ -17,6 +17,7 @@ from .parameters import ControllerNodeParams
 
 _REPORT_EVERY = 1_000_000_000  # ns
 _LOOK_EVERY = 0.05  # s
+_LEVELS = (diagnostics.OK, diagnostics.WARN, *(diagnostics.ERROR,) * 3)
 _NO_ESTIMATE = (NO_STATE, failsafe.EXACT)
 
 
@@ -181,7 +182,7 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
             self.get_logger().warning(f't = {t * 1e-9:.3f} s: {line}')
         self._told = self.stage
         self._diagnostics(diagnostics.report(
-            t, self.get_name(), diagnostics.LEVELS[failsafe.severity(self.stage, reason)], line,
+            t, self.get_name(), _LEVELS[self.stage], line,
             {'thrust [N]': thrust, 'phase': phase, 'stage': stage}))
 
 

@@ -11,9 +11,7 @@ FLYING            estimate and reference are good                both of them
 HOLDING           either is lost, not longer than ``hold``       the last reference; a prediction
 LANDING           lost for longer, attitude and height known,    a descent of its own
                   or the law cannot follow its reference, or a
-                  user's controller has failed; or without a
-                  reason: its reference has landed above
-                  which the vehicle still is
+                  user's controller has failed
 DESCENDING_BLIND  attitude or height lost for longer             its own descent, a prediction, a
                                                                  vehicle believed to be lighter
 STOPPED           touched down; a limit exceeded; a crash; lost  nothing: the motors stand still
@@ -21,14 +19,9 @@ STOPPED           touched down; a limit exceeded; a crash; lost  nothing: the mo
                   not aligned at take-off
 ================  =============================================  ================================
 
-HOLDING can return to FLYING. A landing with a reason is final: a reference that returns is not
-followed, because it may lead anywhere by then. If attitude and height return, DESCENDING_BLIND
-becomes LANDING. STOPPED lasts until the controller is started again.
-
-**Touch-down.** A reference that has landed stops the motors. A vehicle that is then more than
-``landed_height`` above it, as one that is lighter than believed, would fall. It goes on down
-instead, in LANDING without a reason, and is FLYING again on the floor, where its motors stop, or
-when its reference takes off.
+HOLDING can return to FLYING. A landing is final: a reference that returns is not followed, because
+it may lead anywhere by then. If attitude and height return, DESCENDING_BLIND becomes LANDING.
+STOPPED lasts until the controller is started again.
 
 **Prediction.** The believed vehicle (3.3) is simulated from the last state with the last PWM.
 Attitude, height and horizontal motion are taken from the estimate as long as it knows them. Height
@@ -135,9 +128,6 @@ class FailsafeParams(Parameters):
         'down; sonar and flow are blind below 0.43 m (judgement)')
     depth: float = quantity(
         0.5, 'm', 0.0, 1000.0, 'under the floor where a landing ends anyway (judgement)')
-    landed_height: float = quantity(
-        0.1, 'm', 0.0, 1e6, 'a vehicle that is further above a reference that has landed goes on '
-        'down: a fall from there ends with 1.4 m/s (judgement)')
     thrust_deficit: float = quantity(
         0.02, '-', 0.0, 0.5, 'share of the weight not lifted while descending blind (judgement)')
     position_std: float = quantity(
@@ -225,16 +215,7 @@ def begin(gains: controllers.Gains) -> Memory:
 
 def describe(stage: int, reason: int) -> str:
     """Return a stage and its reason in words."""
-    if stage == LANDING and not reason:
-        return f'{STAGES[stage]}: still above the floor when its reference had landed'
     return f'{STAGES[stage]}: {REASONS[reason]}' if reason else STAGES[stage]
-
-
-def severity(stage: int, reason: int) -> int:
-    """Return how far a flight is from its plan: 0 it follows it, 1 it soon will, 2 it will not."""
-    if stage == FLYING:
-        return 0
-    return 1 if stage == HOLDING or stage == LANDING and not reason else 2
 
 
 @jit
@@ -362,14 +343,12 @@ def _crashing(state: State, command: Command, p: FailsafeValues) -> bool:
 
 @jit
 def _next_stage(
-    memory: Memory, have: Known, estimate_lost: float, reference_lost: float, phase: int,
+    memory: Memory, have: Known, estimate_lost: float, reference_lost: float, aloft: bool,
     hold: float,
 ) -> tuple[int, int]:
     """Return the stage and its reason by what is lost, for how long in s, borne for hold s."""
     landable = have.attitude and have.vertical
-    aloft = trajectory.in_flight(phase)
-    again = memory.stage == LANDING and memory.reason == REASON_NONE and aloft
-    if memory.stage == LANDING and not again or memory.stage == DESCENDING_BLIND:
+    if memory.stage == LANDING or memory.stage == DESCENDING_BLIND:
         if landable:
             return LANDING, memory.reason
         if estimate_lost > hold:
@@ -417,13 +396,10 @@ def _descend(
     vehicle = lighter(memory.shown, p, vv) if blind else vv
     ref = descent_reference(d, p, vehicle)
     over, still = _touched(state, d, ref, blind, dt, p)
-    if over and reason != REASON_NONE:
-        return _stop(memory, reason)
-    phase = trajectory.LANDING
     if over:
-        stage, ref, phase = FLYING, memory.ref, memory.phase
+        return _stop(memory, reason)
     control, command = controllers.answer(
-        memory.control, state, ref, phase, dt, gains, vehicle)
+        memory.control, state, ref, trajectory.LANDING, dt, gains, vehicle)
     if command.reason != REASON_NONE:
         return _stop(memory, command.reason)
     crash = memory.crash + dt if not blind and _crashing(state, command, p) else 0.0
@@ -529,8 +505,7 @@ def step(
     estimate_lost = 0.0 if complete else memory.estimate_lost + dt
     reference_lost = 0.0 if followed else memory.reference_lost + dt
     hold = p.hold + 0.5 * dt  # whole steps, whatever their sum is rounded to
-    stage, reason = _next_stage(memory, have, estimate_lost, reference_lost, phase, hold)
-    was_aloft = trajectory.in_flight(memory.phase)
+    stage, reason = _next_stage(memory, have, estimate_lost, reference_lost, aloft, hold)
     if not complete:
         blind = memory.stage == DESCENDING_BLIND
         vehicle = lighter(memory.shown, p, vv) if blind else vv
@@ -540,9 +515,6 @@ def step(
         memory.state, ref, phase, memory.shown, memory.descent, memory.command)
     if stage == STOPPED:
         return _stop(memory, reason)
-    if (was_aloft and not trajectory.in_flight(phase) and stage <= HOLDING
-            and ref.rho[2] - state.rho[2] > p.landed_height):
-        stage, reason = LANDING, REASON_NONE
     if stage == LANDING or stage == DESCENDING_BLIND:
         return _descend(memory, stage, reason, state, dt, gains, p, vv)
     return _follow(memory, stage, reason, state, dt, gains, p, vv)

@@ -7,7 +7,6 @@ from mambo_control.failsafe import (
     DESCENDING_BLIND, EXACT, FLYING, HOLDING, LANDING, NO_REFERENCE, NO_STATE, Spread, STOPPED)
 from mambo_control.gains import CascadedParams
 from mambo_control.parameters import ControllerNodeParams
-from mambo_model.motion import trajectory
 from mambo_model.motion.flatness import from_flat_output, from_flat_output_yaw
 from mambo_model.motion.quaternion import from_euler, rotate, rotate_inverse
 from mambo_model.motion.rigid_body import rk4_step, State
@@ -249,84 +248,6 @@ def test_a_landing_ends_on_the_floor_soon_after_touching_it(law):
     # 1.5 m at 0.5 m/s, half of the blend of 0.615 s more, then 0.1 s to be sure; the package's
     # law is 0.19 m or 0.4 s behind
     assert 3.3 < seconds < 4.2
-
-
-ON_FLOOR = reference(ZERO)
-
-
-@pytest.mark.parametrize('law', LAWS)
-@pytest.mark.parametrize('height', [0.11, 0.35, 1.5])
-def test_a_vehicle_above_a_reference_that_has_landed_goes_down_and_stops_on_the_floor(law, height):
-    one = Controller(law)
-    state = hovering(height)
-    one.answer(state, reference((0.0, 0.0, -height)), phase=trajectory.LANDING)
-    steps = 0
-    while any((command := one.answer(state, ON_FLOOR, phase=LANDED)).pwm):
-        steps += 1
-        assert (command.reason, one.stage) == (safety.REASON_NONE, LANDING)
-        state = moved(state, command)
-        assert rotate(state.q, state.nu)[2] < 0.6  # m/s: a fall from 0.35 m ends with 2.6
-        if state.rho[2] >= 0.0:
-            state = State((*state.rho[:2], 0.0), ZERO, UPRIGHT, ZERO)
-    assert one.stage == FLYING and not command.shutdown and state.rho[2] == 0.0
-    # half of the blend of 0.615 s more than at 0.5 m/s, at least the time to see that it stands,
-    # 0.1 s to be sure; the package's law is 0.4 s behind
-    assert steps * DT < max(height / 0.5 + 0.307, 1.0) + 0.6
-    for _ in range(3):  # and it can take off again
-        assert not any(one.answer(hovering(0.0), ON_FLOOR, phase=LANDED).pwm)
-    assert all(one.answer(hovering(0.0), phase=TAKEOFF).pwm) and one.stage == FLYING
-
-
-@pytest.mark.parametrize(('height', 'ref_height', 'before', 'limit', 'goes_on'), [
-    (0.09, 0.0, trajectory.LANDING, 0.1, False),
-    (0.11, 0.0, trajectory.LANDING, 0.1, True),
-    (0.11, 0.0, trajectory.LANDING, 0.2, False),
-    (0.5, 0.45, trajectory.LANDING, 0.1, False),  # landed on a box
-    (0.11, 0.0, TRACK, 0.1, True),
-    (0.5, 0.0, GROUND, 0.1, False)])  # carried by hand: it has not flown
-def test_who_is_on_the_floor_when_its_reference_has_landed_stops_at_once(
-        height, ref_height, before, limit, goes_on):
-    one = Controller(landed_height=limit)
-    ref = reference((0.0, 0.0, -ref_height))
-    one.answer(hovering(height), ref, phase=before)
-    assert any(one.answer(hovering(height), ref, phase=LANDED).pwm) == goes_on
-    assert one.stage == (LANDING if goes_on else FLYING)
-
-
-def test_in_a_touch_down_a_new_take_off_is_followed_and_a_loss_is_answered():
-    def sinking(**settings):
-        one = Controller(**settings)
-        one.answer(phase=trajectory.LANDING)
-        one.answer(ref=ON_FLOOR, phase=LANDED)
-        assert (one.stage, one.memory.reason) == (LANDING, safety.REASON_NONE)
-        return one
-
-    one = sinking()
-    assert one.answer(phase=TAKEOFF).reason == safety.REASON_NONE and one.stage == FLYING
-    one = sinking()
-    for _ in range(HOLD + 1):
-        command = one.answer(NO_STATE, ON_FLOOR, phase=LANDED)
-    assert (one.stage, command.reason) == (DESCENDING_BLIND, safety.REASON_ESTIMATE)
-    one = sinking()
-    for _ in range(2 * HOLD):  # whose reference is lost has landed anyway
-        assert any(one.answer(ref=NO_REFERENCE).pwm) and one.stage == LANDING
-    one, steps = sinking(), 0  # an estimate that stays in the air does not keep motors running
-    while any(one.answer(ref=ON_FLOOR, phase=LANDED).pwm):
-        steps += 1
-    # 2 m at 0.5 m/s, after half a blend
-    assert steps * DT == pytest.approx(0.307 + 4.0, abs=0.02) and one.stage == FLYING
-
-
-@pytest.mark.parametrize(('stage', 'reason', 'severity', 'line'), [
-    (FLYING, safety.REASON_NONE, 0, 'flying'),
-    (HOLDING, safety.REASON_ESTIMATE, 1, 'holding: estimate lost or unusable'),
-    (LANDING, safety.REASON_NONE, 1,
-     'landing: still above the floor when its reference had landed'),
-    (LANDING, safety.REASON_REFERENCE, 2, 'landing: reference lost or unusable'),
-    (STOPPED, safety.REASON_CRASH, 2, 'motors shut down: crash')])
-def test_a_stage_and_its_reason_in_words(stage, reason, severity, line):
-    assert failsafe.severity(stage, reason) == severity
-    assert failsafe.describe(stage, reason) == line
 
 
 def test_a_landing_ends_when_its_reference_is_deep_in_the_floor_whatever_the_estimate_says():

@@ -191,8 +191,7 @@ def _reports(r: Recording, flight: Scenario) -> Iterator[tuple[int, bytes]]:
         t, row = int(r.t[k]), r.inner.health[k]
         stage, reason, tracked, markers, *counts, phase = map(int, row.tolist())
         at_t = [_report(
-            t, 'controller_node', diagnostics.LEVELS[failsafe.severity(stage, reason)],
-            failsafe.describe(stage, reason),
+            t, 'controller_node', _level(stage), failsafe.describe(stage, reason),
             {'thrust [N]': float(r.thrust[k]), 'phase': phase, 'stage': failsafe.STAGES[stage]})]
         if t % SECOND == 0:
             at_t.append(_report(t, 'sim_node', diagnostics.OK, 'flying', {
@@ -221,6 +220,11 @@ def _changes(r: Recording, flight: Scenario) -> Iterator[tuple[int, bytes]]:
 
 def _report(*arguments: Any) -> tuple[int, bytes]:
     return arguments[0], diagnostics.report(*arguments)
+
+
+def _level(stage: int) -> bytes:
+    return {failsafe.FLYING: diagnostics.OK, failsafe.HOLDING: diagnostics.WARN}.get(
+        stage, diagnostics.ERROR)
 
 
 def _estimator_report(

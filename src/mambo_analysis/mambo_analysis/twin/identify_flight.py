@@ -30,7 +30,7 @@ from ..importers.checks.powertrain import LEAST_VOLTS
 from .contradictions import SCALE
 from .force import BLOCKS, fit_force, Found
 from .moments import fit_moments, Moment
-from .recorded import GRAVITY, read_flight, Recorded
+from .recorded import BATTERY_GAP, GRAVITY, read_flight, Recorded
 
 AXES = 'xyz'
 USUAL_BIAS = 0.8  # m/s^2, of the accelerometer along z: MPU-6000, at most
@@ -39,6 +39,7 @@ Floats = NDArray[np.float64]
 SMALLEST = 1.0  # command at which a vehicle can hover: the maps of vehicle files begin there
 OTHER_MASS = 3.0  # factor between mass and lift; 1.6 to 1.9 with the preset crazyflie on NanoBench
 CHARGING = 0.015  # share by which a battery rises in the air; 0.002 at most in those flights
+SLOW = 0.1  # s between readings of a battery; in flights of a Crazyflie 0.01
 NO_LAG = 0.01  # [s] of motors, at most; in flights of a Crazyflie 0.02 or more
 METHOD = f'{result.METHOD}; wider where {BLOCKS} parts of the flight disagree (jackknife)'
 
@@ -150,14 +151,29 @@ def _vehicle(
     return out | drag_parameters(found, source)
 
 
-def battery_notes(name: str, volts: Floats) -> list[str]:
-    """Return what is wrong with the voltages of a battery in the air, (n,) V, one line each."""
+def battery_notes(name: str, volts: Floats, pace: float = np.nan) -> list[str]:
+    """
+    Return what is wrong with a battery in the air, one line each.
+
+    Parameters
+    ----------
+    name
+        Of the flight.
+    volts : (n,) V
+    pace : s
+        Time between its new readings.
+
+    """
     if not len(volts) or not np.isfinite(volts).all():
         return []
     if np.ptp(volts) == 0.0:
         return [f'{name}: the battery shows {volts[0]:.4g} V throughout: it was not measured, and '
                 'drag z, exponent, motor lag and inertia hold only if it did not sag']
     lines, part, mean = [], len(volts) // 5, float(volts.mean())
+    if pace > SLOW:
+        lines.append(f'{name}: the battery has a new reading every {pace:.2g} s: it sags with '
+                     'each change of the thrust, so drag z, exponent, motor lag and inertia have '
+                     'an error that their intervals do not hold')
     if mean < LEAST_VOLTS:
         lines.append(f'{name}: the battery shows {mean:.3g} V in the mean, less than one lithium '
                      'cell has in flight: check its unit and channel')
@@ -190,7 +206,7 @@ def reading_notes(flight: Recorded) -> list[str]:
         lines.append(f'{flight.name}: the axes of the tracked body are turned by '
                      f'{np.degrees(flight.askew):.0f} deg about z against those of the gyro: '
                      'check how its rigid body was made, as drag and inertia have its error')
-    lines += battery_notes(flight.name, flight.voltage[flight.air])
+    lines += battery_notes(flight.name, flight.voltage[flight.air], flight.battery_pace)
     if not flight.has_ground:
         lines.append(f'{flight.name}: it begins and ends in the air: all of it is taken as '
                      'flight, also where it is near the floor')
@@ -276,8 +292,9 @@ def identify(
         notes.append('it has optical flow: mambo identify flow gives its factor')
     notes.append(f'per mass; thrust and tilt hold at {found.model.voltage:.2f} V'
                  if np.isfinite(found.model.voltage) else
-                 'no battery voltage in the recording: drag z, exponent, motor lag and inertia '
-                 'hold only if it did not sag')
+                 f'no battery voltage in the recording, or one less often than every '
+                 f'{BATTERY_GAP:g} s: drag z, exponent, motor lag and inertia hold only if it did '
+                 'not sag')
     notes += [*command_notes(path.name, hover.value, start),
               *(lag_notes(path.name, found.model.lag, start)
                 if 'motor lag' in values else []), *reading_notes(flight)]

@@ -34,6 +34,7 @@ STEP = 0.01            # s, of the grid
 _READ = ('imu/data_raw', 'motor_pwm', *motion.TRUTH)
 REFERENCE, ESTIMATE = 'onboard/reference', 'onboard/odom'
 GAP = 0.1              # s, over which samples are connected
+BATTERY_GAP = 2.5      # s, over which voltages are connected: some logs have one a second
 LEAST_VOLTS = 1.0      # V, of a battery that was measured
 LEAST_REST = 0.9       # s before take-off that show biases and noise; a second has 0.99
 STILL_SPEED = 0.03     # m/s, of a vehicle at rest, not carried around
@@ -112,6 +113,8 @@ class Recorded(NamedTuple):
         Angle about z from the axes of the gyro to those of the tracked body.
     unused
         Time in the air outside of ``air``, s: in other stretches, long enough to be a flight.
+    battery_pace
+        Time between new readings of the battery, s; NaN if it has none or one.
 
     """
 
@@ -133,6 +136,7 @@ class Recorded(NamedTuple):
     late: float = 0.0
     has_ground: bool = True
     unused: float = 0.0
+    battery_pace: float = np.nan
     gain: Floats = np.ones((3, 2))
     askew: float = 0.0
 
@@ -261,12 +265,24 @@ def _grid(bag: Bag, path: motion.Motion) -> dict[str, Floats]:
     q = at(path.t, path.quaternion)
     voltage = np.full(len(t), np.nan)
     if 'battery' in bag and len(bag['battery']):
-        voltage = at(bag['battery'].t, bag['battery'].voltage[:, None].astype(float))[:, 0]
+        voltage = resample.interpolate(
+            t, bag['battery'].t, bag['battery'].voltage[:, None].astype(float), BATTERY_GAP)[:, 0]
         voltage[voltage < LEAST_VOLTS] = np.nan  # not measured
     return {'t': t, 'position': position, 'velocity': velocity,
             'attitude': q / np.linalg.norm(q, axis=1, keepdims=True),
             'force': at(imu.t, imu.acceleration), 'gyro': at(imu.t, imu.angular_velocity),
             'command': at(pwm.t, pwm.pwm.astype(float)), 'voltage': voltage}
+
+
+def battery_pace(bag: Bag) -> float:
+    """Return the median time between new readings of the battery, s; NaN without two."""
+    if 'battery' not in bag:
+        return np.nan
+    battery = bag['battery']
+    known = np.isfinite(battery.voltage)
+    t, volts = battery.t[known], battery.voltage[known]
+    new = t[np.flatnonzero(np.diff(volts, prepend=np.nan) != 0.0)]
+    return float(np.median(np.diff(new))) if len(new) > 1 else np.nan
 
 
 def _has_ground(found: dict[str, Floats], known: NDArray[np.bool_]) -> bool:
@@ -422,4 +438,5 @@ def read_flight(path: Path, namespace: str | None = None) -> Recorded:
                                 * Rotation.from_rotvec(mounting)).as_quat()
     return Recorded(path.name, **found, **rows._asdict(), mounting=mounting,
                     has_flow='optical_flow' in bag, onboard=_onboard(bag, found['t']), bias=bias,
-                    gain=gain, askew=askew, late=late if abs(late) > LATE else 0.0)
+                    gain=gain, askew=askew, late=late if abs(late) > LATE else 0.0,
+                    battery_pace=battery_pace(bag))

@@ -185,6 +185,13 @@ def test_a_battery_that_no_vehicle_flies_with_is_told(volts, said):
     assert len(notes) == bool(said) and all(said in line for line in notes)
 
 
+@pytest.mark.parametrize(('pace', 'told'), [(0.01, False), (0.05, False), (0.5, True)])
+def test_a_battery_with_few_readings_is_told(pace, told):
+    volts = np.linspace(3.8, 3.6, 200)
+    lines = battery_notes('flight', volts, pace)
+    assert [f'a new reading every {pace:g} s' in line for line in lines] == [True] * told
+
+
 @pytest.mark.parametrize(('bias', 'told'), [(0.5, False), (1.99, True), (-1.2, True)])
 def test_an_accelerometer_of_another_scale_is_told(bias, told):
     notes = reading_notes(flight(0)._replace(bias=bias))

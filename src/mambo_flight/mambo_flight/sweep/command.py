@@ -112,7 +112,7 @@ def summary(data: Mapping[str, Sequence[Any]]) -> str:
         lines.append(f'{landed} of {flights} flights ended while the failsafe held or landed them')
     if fallen := sum(data['fallen']):
         lines.append(f'{fallen} of {flights} flights lay on the floor below their reference, '
-                     'or fell after their landing')
+                     'fell after their landing, or hit the floor')
     if strayed := sum(data['strayed']):
         lines.append(f'{strayed} of {flights} flights were more than {FAR:g} m beside their '
                      'reference, or far from its height, for 2 s')

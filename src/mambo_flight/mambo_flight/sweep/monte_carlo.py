@@ -16,7 +16,8 @@ from typing import Any, NamedTuple
 from mambo_control import controllers, failsafe
 from mambo_control.commanded.evaluation import CommandedValues, reference_step
 from mambo_model.compiled import jit
-from mambo_model.motion.height_check import AWAY, DROP, FAR, lies_below, LONG, LOW, too_far
+from mambo_model.motion.height_check import (
+    AWAY, DROP, FAR, hits_floor, lies_below, LONG, LOW, too_far)
 from mambo_model.motion.rigid_body import LIFTED
 from mambo_model.motion.trajectory import in_flight, PlanValues
 from mambo_model.motion.vector import add, dot, mul, sub, Vec3
@@ -51,8 +52,10 @@ class Tally(NamedTuple):
     reason: int  # of the shutdown, safety.REASON_*
     top: float  # m, largest true height
     down_since: float  # s, from when it lies on the floor below its reference; NaN: it does not
-    fallen: bool  # whether it lay there for LONG or more, or its motors stopped above DROP
+    fallen: bool  # whether it lay there for LONG, its motors stopped above DROP, or it hit HARD
     still: bool  # whether it does not fly and its motors do not turn
+    before: float  # m, true height at this step
+    earlier: float  # m, and one step before
     asked_top: float  # m, largest height of the reference in flight
     off_since: float  # s, from when it is far from the height of its reference; NaN: it is not
     beside_since: float  # s, likewise horizontally
@@ -64,7 +67,8 @@ class Tally(NamedTuple):
 
 START = Tally(
     0, (0.0, 0.0, 0.0), 0.0, 0.0, (0.0, 0.0, 0.0), 0.0, 0.0, 0, 0, 0.0, 0.0, math.nan, 0,
-    -math.inf, math.nan, False, True, 0.0, math.nan, math.nan, False, math.nan, math.nan, 0)
+    -math.inf, math.nan, False, True, math.nan, math.nan, 0.0, math.nan, math.nan, False,
+    math.nan, math.nan, 0)
 
 
 @jit
@@ -110,7 +114,8 @@ def count(
         since = t if math.isnan(a.down_since) else a.down_since
     still = not flown and not runs
     fell = a.fallen or t - since >= LONG or (  # the former is false for NaN
-        still and not a.still and -truth[2] > DROP)
+        still and not a.still and -truth[2] > DROP) or (
+            hits_floor(-truth[2], a.before, a.earlier, STEP))
     asked_top = max(a.asked_top, -reference[2]) if flown else a.asked_top
     far = too_far(-truth[2], -reference[2], asked_top, flown)
     beside = flown and math.sqrt(off[0] * off[0] + off[1] * off[1]) > FAR
@@ -124,14 +129,14 @@ def count(
         return Tally(
             a.steps, a.tracking, a.tracking_max, track, a.estimation, a.estimation_max, drift,
             a.running + runs, a.saturated + cut, max(a.pwm_max, highest), effort, at,
-            reason if stopped else a.reason, top, since, fell, still, asked_top, off_since,
-            beside_since, strayed, begun, ended, reason)
+            reason if stopped else a.reason, top, since, fell, still, -truth[2], a.before,
+            asked_top, off_since, beside_since, strayed, begun, ended, reason)
     return Tally(
         a.steps + 1, add(a.tracking, mul(off, off)), max(a.tracking_max, track), track,
         add(a.estimation, mul(wrong, wrong)), max(a.estimation_max, drift), drift,
         a.running + runs, a.saturated + cut, max(a.pwm_max, highest), effort, at,
-        reason if stopped else a.reason, top, since, fell, still, asked_top, off_since,
-        beside_since, strayed, begun, ended, reason)
+        reason if stopped else a.reason, top, since, fell, still, -truth[2], a.before,
+        asked_top, off_since, beside_since, strayed, begun, ended, reason)
 
 
 def _standing(flight: Scenario) -> bool:
@@ -168,8 +173,8 @@ def metrics(
         ``rms`` and ``max`` if nothing was flown, and of these and ``final`` if the vehicle never
         took off. ``failsafe`` is why the failsafe held or landed the vehicle at the end, empty
         if it did not. ``fallen`` tells whether it lay on the floor below its reference, or its
-        motors stopped above the floor after its landing, ``strayed`` whether it was far from its
-        reference for 2 s, see :mod:`mambo_model.motion.height_check`.
+        motors stopped above the floor after its landing, or it hit the floor; ``strayed`` whether
+        it was far from its reference for 2 s, see :mod:`mambo_model.motion.height_check`.
 
     """
     grounded = standing and not a.top > LIFTED

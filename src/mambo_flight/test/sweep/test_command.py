@@ -113,8 +113,8 @@ def test_a_summary_has_percentiles_of_what_is_finite_and_counts_shutdowns():
     assert lines[-5:] == ['1 of 103 flights never took off: no errors',
                           '3 of 103 flights were shut down',
                           '2 of 103 flights ended while the failsafe held or landed them',
-                          '2 of 103 flights lay on the floor below their reference, or fell '
-                          'after their landing',
+                          '2 of 103 flights lay on the floor below their reference, fell '
+                          'after their landing, or hit the floor',
                           '3 of 103 flights were more than 5 m beside their reference, or far '
                           'from its height, for 2 s']
 

@@ -9,7 +9,7 @@ from mambo_flight import closed_loop
 from mambo_flight.scenario import replaced, scenario
 from mambo_flight.sweep import monte_carlo
 from mambo_model.motion.height_check import distance_fault, height_fault, landing_fault
-from mambo_model.motion.trajectory import GROUND, LANDED
+from mambo_model.motion.trajectory import GROUND, LANDED, TRACK
 from mambo_model.vehicle.battery import electric_power, supply
 from mambo_model.vehicle.parameters import Vehicle
 from mambo_model.vehicle.vehicle_options import BatteryParams
@@ -208,6 +208,19 @@ def test_a_fall_is_counted_as_it_is_judged_in_a_bag(runs):
     assert row['fallen'] == bool(
         height_fault(t, height, wanted, phase) or landing_fault(t, height, phase, turning))
     assert not monte_carlo.metrics(tally, Vehicle(), floor=False)['fallen']
+
+
+@pytest.mark.parametrize('speed', [1.9, 2.1])
+def test_a_vehicle_that_hits_the_floor_has_fallen(speed):
+    t = 0.005 * np.arange(400)
+    height = np.clip(1.003 - speed * t, 0.0, 1.0)
+    tally, zero = monte_carlo.START, (0.0,) * 4
+    for now, z in zip(t, -height):
+        tally = monte_carlo.count(
+            tally, now, (0.0, 0.0, z), (0.0, 0.0, z), (0.0, 0.0, 0.0), TRACK, (200.0,) * 4, False,
+            0, Vehicle().values(), zero)
+    assert monte_carlo.metrics(tally, Vehicle())['fallen'] == (speed > 2.0) == bool(
+        landing_fault(t, height, np.full(400, TRACK), np.ones(400, bool)))
 
 
 @given(runs=st.lists(st.tuples(

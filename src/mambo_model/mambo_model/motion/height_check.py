@@ -17,6 +17,7 @@ FAR = 5.0  # m, distance at which a vehicle does not follow its reference: horiz
 #            height, or the height flown so far if that is less, at least HIGH (judgement)
 HIGH = 1.0  # m, the same above a reference on the floor, which may slope
 DROP = 0.15  # m above the floor, from which a vehicle falls with 1.7 m/s (judgement)
+HARD = 2.0  # m/s, vertical speed at which a vehicle hits the floor, a fall of 0.2 m (judgement)
 AWAY = 2.0  # s, so long it needs for a leap of 10 m with an acceleration of 1 g (judgement)
 
 
@@ -32,6 +33,22 @@ def lies_below(height: float, wanted: float) -> bool:
 
     """
     return (wanted > ABOVE) & (height <= LIFTED)
+
+
+@jit
+def hits_floor(height: float, before: float, earlier: float, dt: float) -> bool:
+    """
+    Return whether a vehicle hits the floor in a step.
+
+    Parameters
+    ----------
+    height, before, earlier : m
+        True heights above the point of take-off: after the step, and one and two steps before.
+    dt : s
+        Of a step.
+
+    """
+    return height <= LIFTED and before > LIFTED and earlier - before > HARD * dt
 
 
 @jit
@@ -124,7 +141,7 @@ def landing_fault(
     turning: NDArray[np.bool_],
 ) -> str:
     """
-    Return from where a vehicle fell when its motors stopped after a landing, or ''.
+    Return how a vehicle hit the floor, or from where it fell after its landing, or ''.
 
     Parameters
     ----------
@@ -134,6 +151,11 @@ def landing_fault(
         Whether motors turn.
 
     """
+    fallen, dt = height[:-2] - height[1:-1], t[1:-1] - t[:-2]  # in the step before each contact
+    contact = (height[2:] <= LIFTED) & (height[1:-1] > LIFTED) & (fallen > HARD * dt) & (dt > 0.0)
+    if contact.any():
+        k = int(contact.argmax())
+        return f'the vehicle hit the floor at {t[k + 2]:.2f} s with {fallen[k] / dt[k]:.1f} m/s'
     still = ~(python(in_flight)(phase) | turning)
     stops = np.flatnonzero(still[1:] & ~still[:-1]) + 1
     high = stops[height[stops] > DROP]

@@ -1,7 +1,8 @@
 """A vehicle that lies on the floor while its reference flies has not flown as asked."""
 
 from mambo_model.motion.height_check import (
-    ABOVE, distance_fault, flight_fault, height_fault, landing_fault, LONG, LOW, over_in_the_air)
+    ABOVE, distance_fault, flight_fault, height_fault, hits_floor, landing_fault, LONG, LOW,
+    over_in_the_air)
 from mambo_model.motion.trajectory import GROUND, LANDED, LANDING, TAKEOFF, TRACK
 import numpy as np
 import pytest
@@ -108,6 +109,19 @@ def test_a_vehicle_whose_motors_stop_above_the_floor_after_its_landing_is_named(
     assert landing_fault(T, *map(np.array, (height, phase, turning))) == (at and (
         f'the motors stopped at {at[0]:.2f} s, as the reference had landed, with the vehicle '
         f'{at[1]:.2f} m above the floor: it fell from there') or '')
+
+
+@pytest.mark.parametrize(('speed', 'told'), [(1.9, False), (2.1, True), (4.2, True)])
+def test_a_vehicle_that_hits_the_floor_is_named(speed, told):
+    t = np.arange(400) * 0.005
+    height = np.clip(1.003 - speed * (t - 0.5), 0.0, 1.0)
+    at = t[np.flatnonzero(height <= 0.01)[0]]
+    rest = np.full(400, LANDING), np.ones(400, bool)
+    assert landing_fault(t, height, *rest) == told * (
+        f'the vehicle hit the floor at {at:.2f} s with {speed:.1f} m/s')
+    steps = zip(height[2:], height[1:], height)
+    assert any(hits_floor(*three, 0.005) for three in steps) == told
+    assert not landing_fault(t, height[::-1], *rest)  # which leaves it
 
 
 @pytest.mark.parametrize(('height', 'turning', 'said'), [

@@ -106,7 +106,6 @@ _FAILSAFE = {
     'deceleration': 'deceleration to that speed',
     'near_floor': 'height below which a vehicle that does not sink has landed',
     'depth': 'depth below the floor at which the landing ends',
-    'landed_height': 'height above a landed reference from which the vehicle goes on down',
     'thrust_deficit': 'share of the weight that is not lifted in a blind descent',
     'position_std': 'uncertainty beyond which the position is lost',
     'height_std': 'uncertainty beyond which the height is lost',

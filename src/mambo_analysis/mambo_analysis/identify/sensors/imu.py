@@ -116,7 +116,8 @@ def measure(recording: Recording) -> tuple[list[Measured], dict[str, Allan]]:
 def not_measured(recording: Recording) -> list[str]:
     """Return what of gyro and accelerometer a recording does not tell, each with the reason."""
     if recording.gyro is None or recording.accel is None or len(recording.gyro.t) < LEAST:
-        return [f'gyro and accelerometer: no imu/data_raw of {LEAST} samples or more']
+        return [f'gyro and accelerometer: no imu/data_raw of {LEAST} samples or more that have '
+                'all six values']
     lines = []
     if stretch_at_rest(recording) is None:
         lines.append(f'noise at rest: never at rest for {SHORTEST_REST:g} s')

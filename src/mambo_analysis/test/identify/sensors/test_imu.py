@@ -156,4 +156,4 @@ def test_what_is_not_measured_is_said_with_the_reason():
     assert not_measured(flying(rate=50.0))[1:] == [
         'vibration in flight: the IMU has 50 Hz, less than 60']
     assert not_measured(resting(n=39)) == [
-        'gyro and accelerometer: no imu/data_raw of 40 samples or more']
+        'gyro and accelerometer: no imu/data_raw of 40 samples or more that have all six values']
