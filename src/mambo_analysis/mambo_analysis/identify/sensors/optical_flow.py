@@ -17,8 +17,6 @@ GRAVITY = 9.81  # m/s^2
 LATENCY_BANDS = ((0.5, 1.0), (1.0, 2.0), (2.0, 4.0), (4.0, 8.0))  # Hz
 LEAST_SHARE = 0.3  # R^2 of the best band below which there is no common motion
 LAGS = np.arange(-0.05, 0.2501, 0.005)  # s
-FAR_LAGS = np.concatenate([np.arange(-0.5, -0.06, 0.025), np.arange(0.275, 0.8001, 0.025)])
-# s, beyond the others: none of them may explain more
 CLIMB = 1.0  # Hz, of the vertical velocity by the sonar
 
 
@@ -97,7 +95,7 @@ def inertial_velocity(recording: Recording, speed: Array | None = None) -> Array
     return integral(recording.accel.values[:, :2] + gravity + turned)
 
 
-def _compared(recording: Recording, climbing: bool, lags: Array = LAGS) -> Array | None:
+def _compared(recording: Recording, climbing: bool) -> Array | None:
     """
     Return the products of flow and lagged inertial velocity, summed over stretches of flight.
 
@@ -107,8 +105,6 @@ def _compared(recording: Recording, climbing: bool, lags: Array = LAGS) -> Array
         Of a flight.
     climbing
         Whether the inertial velocity takes account of that along z.
-    lags : (k,) s
-        Of the flow behind it.
 
     Returns
     -------
@@ -131,12 +127,12 @@ def _compared(recording: Recording, climbing: bool, lags: Array = LAGS) -> Array
     # the filters below need a value at every instant, in the sensor's pauses too
     even = np.stack([np.interp(imu.t, times, speed[:, k]) for k in range(2)], axis=1)
     starts = np.arange(STRETCHES) * len(use) // STRETCHES
-    sums = np.empty((3, 2, len(LATENCY_BANDS), len(lags), STRETCHES))
+    sums = np.empty((3, 2, len(LATENCY_BANDS), len(LAGS), STRETCHES))
     whole = inertial_velocity(recording, even if climbing else None)
     for b, band in enumerate(LATENCY_BANDS):
         sos = butter(2, band, 'band', fs=rate, output='sos')
         optical, inertial = (sosfiltfilt(sos, x, axis=0) for x in (even, whole))
-        for k, lag in enumerate(lags.tolist()):
+        for k, lag in enumerate(LAGS.tolist()):
             for axis in range(2):
                 late = np.interp(imu.t[use] - lag, imu.t, inertial[:, axis])
                 flow = optical[use, axis]
@@ -152,8 +148,7 @@ def flow_latency(recording: Recording) -> tuple[Interval, float, Array] | None:
     Flow times height and inertial velocity are compared in ``LATENCY_BANDS``, a gain and a noise
     for each band and axis; each band counts by its width. Between the lags of the grid the
     likelihood is a parabola. The interval includes the lag that takes account of the velocity
-    along z: its own errors, and the height in the scale of the flow, may move a lag as much. It
-    has no end if one of ``FAR_LAGS`` explains more: the flow is of another clock.
+    along z: its own errors, and the height in the scale of the flow, may move a lag as much.
 
     Returns
     -------
@@ -166,17 +161,14 @@ def flow_latency(recording: Recording) -> tuple[Interval, float, Array] | None:
 
     """
     level, climbing = (_compared(recording, climbing) for climbing in (False, True))
-    far = _compared(recording, False, FAR_LAGS)
-    if level is None or climbing is None or far is None:
+    if level is None or climbing is None:
         return None
     (value, low, high), share, misfit = _likeliest(level)
-    if _likeliest(far, FAR_LAGS)[2].min() < misfit.min():
-        return Interval(value, low, np.inf), share, misfit
     other = _likeliest(climbing)[0].value
     return Interval(value, min(low, other), max(high, other)), share, misfit
 
 
-def _likeliest(sums: Array, lags: Array = LAGS) -> tuple[Interval, float, Array]:
+def _likeliest(sums: Array) -> tuple[Interval, float, Array]:
     """Return :func:`flow_latency` by the products of :func:`_compared`."""
     widths = np.array([high - low for low, high in LATENCY_BANDS])
 
@@ -193,14 +185,14 @@ def _likeliest(sums: Array, lags: Array = LAGS) -> tuple[Interval, float, Array]
 
     everything = np.arange(STRETCHES)
     curve = misfit(everything)
-    found = jackknife(lambda keep: _lowest(misfit(keep), lags), STRETCHES)
+    found = jackknife(lambda keep: _lowest(misfit(keep)), STRETCHES)
     share = float(1.0 - rest(everything)[..., int(np.argmin(curve))].min())
     return found, share, np.exp(curve)
 
 
-def _lowest(curve: Array, lags: Array = LAGS) -> float:
-    """Return the lag of the lowest point of a curve over lags, (k,) s."""
+def _lowest(curve: Array) -> float:
+    """Return the lag of the lowest point of a curve over ``LAGS``, s."""
     k = int(np.clip(np.argmin(curve), 1, len(curve) - 2))
     bend = curve[k - 1] - 2.0 * curve[k] + curve[k + 1]
     shift = 0.5 * (curve[k - 1] - curve[k + 1]) / bend if bend > 0.0 else 0.0
-    return float(lags[k] + np.clip(shift, -1.0, 1.0) * (lags[1] - lags[0]))
+    return float(LAGS[k] + np.clip(shift, -1.0, 1.0) * (LAGS[1] - LAGS[0]))

@@ -50,12 +50,6 @@ def test_the_delay_of_the_flow_is_found_within_its_interval(late):
     assert LAGS[misfit.argmin()] == pytest.approx(late, abs=0.005)
 
 
-@pytest.mark.parametrize('late', [0.32, 0.5, -0.2])
-def test_a_delay_beyond_the_lags_is_not_told_as_another_one(late):
-    line = lines(flight(late))['flow', 'latency']
-    assert np.isnan(line.value) and line.note == 'not to be told from this flight'
-
-
 def test_a_flow_of_the_other_sign_has_no_common_motion():
     """A product below zero explains nothing: the misfit stays at one, whatever the lag."""
     _, share, misfit = flow_latency(flight(0.06, signs=(-1.0, -1.0), noise=0.0))
