@@ -118,10 +118,13 @@ def count(
             hits_floor(-truth[2], a.before, a.earlier, STEP))
     asked_top = max(a.asked_top, -reference[2]) if flown else a.asked_top
     far = too_far(-truth[2], -reference[2], asked_top, flown)
-    beside = flown and math.sqrt(off[0] * off[0] + off[1] * off[1]) > FAR
-    off_since = (t if math.isnan(a.off_since) else a.off_since) if far else math.nan
-    beside_since = (t if math.isnan(a.beside_since) else a.beside_since) if beside else math.nan
-    strayed = a.strayed or t - off_since >= AWAY or t - beside_since >= AWAY
+    strayed, off_since, beside_since = a.strayed, math.nan, math.nan
+    if far:
+        off_since = t if math.isnan(a.off_since) else a.off_since
+        strayed = strayed or t - off_since >= AWAY
+    if flown and track > FAR and off[0] * off[0] + off[1] * off[1] > FAR * FAR:
+        beside_since = t if math.isnan(a.beside_since) else a.beside_since
+        strayed = strayed or t - beside_since >= AWAY
     begun, ended = a.asked_from, a.asked_until
     if flown and -reference[2] > LOW:
         begun, ended = t if math.isnan(begun) else begun, t
