@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from .allan import Interval
 from .regression import IdentifyError
+from .sensors.optical_flow import lowest
 from .sensors.statistics import jackknife
 
 Floats = NDArray[np.float64]
@@ -111,13 +112,10 @@ def small_lag(t: Floats, flow: Floats, geometric: Floats) -> Interval | None:
     along, squares = moved * seen.T, moved * moved
 
     def best(keep: NDArray[np.int64]) -> float:
+        """Return the lag that explains most of some rows."""
         explained = along[:, :, keep].sum(axis=(1, 2)) ** 2 / np.maximum(
             squares[:, :, keep].sum(axis=(1, 2)), 1e-12)
-        k = int(np.clip(np.argmax(explained), 1, len(lags) - 2))
-        before, top, after = explained[k - 1:k + 2]
-        bend = before - 2.0 * top + after
-        shift = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
-        return float(lags[k] + np.clip(shift, -1.0, 1.0) * (lags[1] - lags[0]))
+        return lowest(-explained, lags)
     return jackknife(best, len(rows))
 
 

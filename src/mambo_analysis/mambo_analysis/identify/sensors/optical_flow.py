@@ -185,14 +185,14 @@ def _likeliest(sums: Array) -> tuple[Interval, float, Array]:
 
     everything = np.arange(STRETCHES)
     curve = misfit(everything)
-    found = jackknife(lambda keep: _lowest(misfit(keep)), STRETCHES)
+    found = jackknife(lambda keep: lowest(misfit(keep), LAGS), STRETCHES)
     share = float(1.0 - rest(everything)[..., int(np.argmin(curve))].min())
     return found, share, np.exp(curve)
 
 
-def _lowest(curve: Array) -> float:
-    """Return the lag of the lowest point of a curve over ``LAGS``, s."""
+def lowest(curve: Array, lags: Array) -> float:
+    """Return the lag, s, of the lowest point of a curve, (n,), over even lags, (n,) s."""
     k = int(np.clip(np.argmin(curve), 1, len(curve) - 2))
     bend = curve[k - 1] - 2.0 * curve[k] + curve[k + 1]
     shift = 0.5 * (curve[k - 1] - curve[k + 1]) / bend if bend > 0.0 else 0.0
-    return float(LAGS[k] + np.clip(shift, -1.0, 1.0) * (LAGS[1] - LAGS[0]))
+    return float(lags[k] + np.clip(shift, -1.0, 1.0) * (lags[1] - lags[0]))

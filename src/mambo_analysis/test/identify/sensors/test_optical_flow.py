@@ -207,8 +207,9 @@ def test_a_short_flight_a_slow_imu_and_few_values_tell_no_delay():
 
 def test_between_two_lags_the_lowest_point_is_that_of_a_parabola():
     for lowest in (0.0, 0.0312, 0.1987):
-        assert optical_flow._lowest((LAGS - lowest)**2) == pytest.approx(lowest, abs=1e-9)
-    assert optical_flow._lowest(-(LAGS + 1.0)**2) == pytest.approx(LAGS[-2])  # falls to the end
+        assert optical_flow.lowest((LAGS - lowest)**2, LAGS) == pytest.approx(lowest, abs=1e-9)
+    falling = -(LAGS + 1.0)**2  # to the end
+    assert optical_flow.lowest(falling, LAGS) == pytest.approx(LAGS[-2])
 
 
 @pytest.mark.parametrize(('found', 'share', 'told'), [
