@@ -63,18 +63,10 @@ class Flight:
 
     def __repr__(self) -> str:
         m = self.metrics
-        ending = f', motors stopped ({m["shutdown_reason"]})' if m['shutdown'] else ''
-        if m['failsafe'] and not m['shutdown']:
-            ending = f', held or landed by the failsafe ({m["failsafe"]})'
-        if m['fallen']:
-            ending += (', lay on the floor below its reference, fell after its landing, or hit '
-                       'the floor')
-        if not ending and self.failure:
-            ending = f', {self.failure}'
         errors = 'never took off' if math.isnan(m['tracking_rms']) else (
             f'tracking RMS {m["tracking_rms"]:.4g} m, estimation RMS {m["estimation_rms"]:.4g} m')
-        return (f'<Flight {self.name}: {self.t[-1]:g} s, {errors}{ending}>'
-                + (f' {self.fault}' if self.fault else ''))
+        failed = f', {self.failure}' if self.failure else ''
+        return f'<Flight {self.name}: {self.t[-1]:g} s, {errors}{failed}>'
 
     @property
     def t(self) -> NDArray[np.float64]:
