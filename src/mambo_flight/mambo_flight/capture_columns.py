@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from mambo_estimation.capture.aided import Capture, NO_CANDIDATE, NOTHING_SEEN
 from mambo_estimation.capture.frames import Anchor
+from mambo_estimation.capture.report import complaint, longest
 from mambo_model.compiled import jit
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,27 @@ def anchor_of(row: Array) -> Anchor:
     """Return the pose of ``odom`` in ``map`` that a row holds."""
     yaw, *shift = row[COLUMNS.anchor:COLUMNS.capture].tolist()
     return Anchor(yaw, tuple(shift))
+
+
+def unused(t: Array, rows: Array, max_age: float) -> str:
+    """
+    Return for how long, at most, no pose of the motion capture was used, or an empty string.
+
+    Parameters
+    ----------
+    t : (n,) s
+        Of each step.
+    rows : (n, 61)
+        One for each step.
+    max_age : s
+        As of :func:`mambo_estimation.capture.report.complaint`.
+
+    """
+    if not len(rows):
+        return ''
+    k = int(rows[:, COLUMNS.capture + 1].argmax())
+    seen = capture_of(rows[k])
+    return longest(float(t[k]), seen.age, complaint(seen, max_age))
 
 
 def capture_of(row: Array) -> Capture:

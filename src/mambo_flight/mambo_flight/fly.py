@@ -18,12 +18,14 @@ from typing import Any
 from mambo_bags.command import guard, interrupted, Parser
 from mambo_model import limits
 from mambo_model.errors import InputError, JobError
-from mambo_model.motion.height_check import flight_fault, over_in_the_air
+from mambo_model.motion.height_check import flight_fault, landing_fault, over_in_the_air
 from mambo_model.whole_file import refuse_existing
 from numba.core import event
 import numpy as np
 
-from . import closed_loop, commanded, flight_options, recording_to_bag, scenario_file, supervised
+from . import (
+    capture_columns, closed_loop, commanded, flight_options, recording_to_bag, scenario_file,
+    supervised)
 from .scenario import commented_yaml, Scenario
 from .sweep import monte_carlo
 from .world import formation, separation, world_file
@@ -78,14 +80,15 @@ def _compiling() -> Iterator[list[float]]:
         print(f'compiled in {sum(taken):.1f} s, once for these components and options')
 
 
-def _errors(metrics: Mapping[str, Any]) -> str:
+def _errors(flight: Scenario, metrics: Mapping[str, Any]) -> str:
     """Return the errors of a flight in a few words."""
     ending = f'; motors stopped ({metrics["shutdown_reason"]})' if metrics['shutdown'] else ''
     if math.isnan(metrics['tracking_rms']):
         return f'no errors in flight, as it never took off{ending}'
     return (f'tracking error in flight {metrics["tracking_rms"]:.3g} m RMS, '
             f'{metrics["tracking_max"]:.3g} m at most; '
-            f'estimation error {metrics["estimation_rms"]:.3g} m RMS{ending}')
+            f'estimation error {metrics["estimation_rms"]:.3g} m RMS'
+            f'{" (estimate/map)" if flight.controller_node.estimate == "map" else ""}{ending}')
 
 
 def failure(flight: Scenario, r: closed_loop.Recording, metrics: Mapping[str, Any]) -> str:
@@ -102,23 +105,28 @@ def failure(flight: Scenario, r: closed_loop.Recording, metrics: Mapping[str, An
     """
     if flight.sim_node.simulator.hand.enabled:
         return ''
+    t, up = r.t * 1e-9, (1.0, 1.0, -1.0)  # NED to z up
+    floor = flight.sim_node.simulator.plant.ground
+    turning = (r.pwm > 0.0).any(axis=1)
     if metrics['shutdown']:
+        hit = landing_fault(t, -r.truth[:, 2], r.phase, turning) if floor else ''
         return (f'motors stopped at {metrics["shutdown_time"]:.3f} s: '
-                f'{metrics["shutdown_reason"]}')
+                f'{metrics["shutdown_reason"]}{"; " if hit else ""}{hit}')
     if metrics['failsafe']:
         return f'the failsafe held or landed the vehicle at the end: {metrics["failsafe"]}'
-    up = (1.0, 1.0, -1.0)  # NED to z up
     return flight_fault(
-        r.t * 1e-9, r.truth[:, :3] * up, r.reference[:, :3] * up, r.phase,
-        (r.pwm > 0.0).any(axis=1), flight.sim_node.simulator.plant.ground)
+        t, r.truth[:, :3] * up, r.reference[:, :3] * up, r.phase, turning, floor)
 
 
-def _over(flight: Scenario, r: closed_loop.Recording) -> str:
-    """Return in words that a flight that lands was over in the air, or an empty string."""
-    reference = flight.reference_node
-    if not (reference.commands.enabled or reference.plan.landing_time):
-        return ''
-    return over_in_the_air(float(-r.truth[-1, 2]), bool((r.pwm[-1] > 0.0).any()))
+def _remarks(flight: Scenario, r: closed_loop.Recording) -> list[str]:
+    """Return lines about a flight that lands and was over in the air, and poses not used."""
+    reference, lines = flight.reference_node, []
+    if reference.commands.enabled or reference.plan.landing_time:
+        lines.append(over_in_the_air(float(-r.truth[-1, 2]), bool((r.pwm[-1] > 0.0).any())))
+    if r.located is not None:
+        lines.append(capture_columns.unused(
+            r.t * 1e-9, r.located, flight.estimator_node.joint.pose.max_age))
+    return [line for line in lines if line]
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -188,11 +196,11 @@ def write_flight(name: str, flight: Scenario, output: Path) -> None:
     began += sum(compiled)
     seconds = recording.t[-1] * 1e-9
     metrics = monte_carlo.measure(flight, recording)
-    print(f'{name}: {_errors(metrics)}')
+    print(f'{name}: {_errors(flight, metrics)}')
     print(f'{name}: {seconds:.2f} s flown in {flown - began:.2f} s, bag written in '
           f'{end - flown:.2f} s: {seconds / (end - began):.3g} times real time\n'
           f'bag: {output}')
-    if said := _over(flight, recording):
+    for said in _remarks(flight, recording):
         print(f'{name}: {said}')
     if reason := fault or failure(flight, recording, metrics):
         raise JobError(f'{name}: {reason}')
@@ -216,8 +224,8 @@ def _run_together(name: str, drones: Drones, output: Path) -> None:
             raise interrupted(
                 end, f'{written} of {world.drones} bags are written to {output}') from None
         metrics = monte_carlo.measure(own, recording)
-        print(f'{space}: {_errors(metrics)}')
-        if said := _over(own, recording):
+        print(f'{space}: {_errors(own, metrics)}')
+        for said in _remarks(own, recording):
             print(f'{space}: {said}')
         if reason := failure(own, recording, metrics):
             lines.append(f'{space}: {reason}')

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 from mambo_estimation.capture.frames import Anchor
 from mambo_flight import capture_columns
-from mambo_flight.capture_columns import anchor_of, capture_of, COLUMNS, WIDTH
+from mambo_flight.capture_columns import anchor_of, capture_of, COLUMNS, unused, WIDTH
 import numpy as np
 import pytest
 
@@ -55,3 +55,13 @@ def test_without_an_estimate_in_map_nothing_is_written():
     rows = np.full((2, WIDTH), np.nan)
     store(rows, 0, None)
     assert np.isnan(rows).all()
+
+
+def test_the_longest_time_without_poses_is_told_with_its_end():
+    rows = np.zeros((5, WIDTH))
+    age = COLUMNS.capture + 1
+    rows[:, age] = 0.0, 2.0, 0.0, 1.5, 0.1
+    rows[:, age + 1] = rows[:, age]  # none came
+    assert unused(np.arange(5.0), rows, 0.2) == (
+        'the estimate went on without poses until t = 1.00 s: no motion capture for 2.0 s')
+    assert not unused(np.arange(5.0), 0.4 * rows, 0.2) and not unused(np.empty(0), rows[:0], 0.2)

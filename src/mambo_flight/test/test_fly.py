@@ -29,7 +29,8 @@ def recording(seconds, inner=True, phase=trajectory.GROUND):
     """Return what a flight on the floor records; its reference is 1.5 m high from half on."""
     reference = np.zeros((3, 13))
     reference[1:, 2] = -1.5
-    return SimpleNamespace(inner=inner, t=np.array([0, 500_000_000, 1_000_000_000]) * seconds,
+    return SimpleNamespace(inner=inner, located=None,
+                           t=np.array([0, 500_000_000, 1_000_000_000]) * seconds,
                            truth=np.zeros((3, 13)), reference=reference, pwm=np.zeros((3, 4)),
                            phase=np.array([trajectory.GROUND, phase, phase]))
 

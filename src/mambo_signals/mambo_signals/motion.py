@@ -12,7 +12,7 @@ from . import outliers, resample
 from .resample import Bools, Floats, Ints
 
 TRUTH = ('ground_truth/odom', 'optitrack/pose')
-MOTIONS = (*TRUTH, 'estimate/odom', 'onboard/odom')
+MOTIONS = (*TRUTH, 'estimate/odom', 'estimate/map', 'onboard/odom')
 """Topics with the motion of the vehicle, the most accurate first."""
 REFERENCE = 'mambo_interfaces/msg/Reference'
 KINDS = ('nav_msgs/msg/Odometry', 'geometry_msgs/msg/PoseStamped',

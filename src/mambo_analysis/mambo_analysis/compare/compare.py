@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from . import pair, tables
-from .ending import ended_early, ended_in_the_air, refused_messages
+from .ending import ended_early, ended_in_the_air, refused_messages, without_poses
 from .events import parameters
 from .pair import Alignment, Comparison, Quantity
 from .tables import table
@@ -165,8 +165,8 @@ def _factor(bag: Bag) -> float | None:
 
 def _doubts(bag: Bag) -> list[str]:
     """Return what a reader must know about the messages of a bag, one line each."""
-    return [*bag.notes, *refused_messages(bag), *ended_in_the_air(bag), *stamps.doubtful(bag),
-            *damaged.not_finite(bag), *stamps.repeated(bag, motion.MOTIONS),
+    return [*bag.notes, *refused_messages(bag), *without_poses(bag), *ended_in_the_air(bag),
+            *stamps.doubtful(bag), *damaged.not_finite(bag), *stamps.repeated(bag, motion.MOTIONS),
             *height_check.of_bag(bag)]
 
 
@@ -206,7 +206,7 @@ def compare(bag: Bag) -> dict[str, Any]:
         'source': bag.metadata.get('import', {}).get('source_file'),
         **_takeoff(parts, bag.end), 'landing_start': _seconds(parts.landing_start),
         'ending': ended_early(bag), 'errors': errors,
-        'topics': _topics(bag), 'notes': notes}
+        'topics': _topics(bag), 'notes': list(dict.fromkeys(notes))}
 
 
 def _seconds(stamp: int | None) -> float | None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+import re
 from typing import Any
 
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag
-from mambo_model.motion.height_check import flight_fault, over_in_the_air
-from mambo_model.motion.trajectory import in_flight
+from mambo_estimation.capture.report import longest
+from mambo_model.motion.height_check import flight_fault, landing_fault, over_in_the_air
+from mambo_model.motion.trajectory import in_flight, LANDED
 from mambo_model.script import python
 from mambo_signals.resample import Ints
 import numpy as np
@@ -20,6 +22,8 @@ ENDINGS = ('/clock', 'clock', *REPORTS, 'reference', 'ground_truth/odom', 'motor
 """Topics that show how a flight ended."""
 _STEP = 0.005  # s
 _ERROR = 2
+_FINALS = ('sim_node', 'controller_node')  # nodes whose error ends a flight
+_WITHOUT = re.compile(r'(?:motion capture refused|no motion capture) for (\d+\.\d) s')
 _REFUSED = 'refused messages: '
 _INPUTS = ': inputs'  # suffix of the diagnostic status with the messages that a node refused
 
@@ -55,14 +59,27 @@ def _beside_reference(bag: Bag, topic: str) -> tuple[Ints, Ints] | None:
     return rows, asked
 
 
-def _flight_fault(bag: Bag) -> str:
-    """Return how the vehicle did not follow its reference, or an empty string."""
+def _flight_fault(bag: Bag, shut_down: bool) -> str:
+    """Return how the vehicle did not follow its reference, or how it then hit the floor, or ''."""
     if (rows := _beside_reference(bag, 'ground_truth/odom')) is None:
         return ''
     (true, asked), truth, reference = rows, bag['ground_truth/odom'], bag['reference']
-    return flight_fault(reference.t[asked], truth.position[true], reference.position[asked],
-                        reference.phase[asked], _turning(bag, reference.stamp[asked]),
-                        _parameter(bag, 'sim_node', 'simulator', 'plant', 'ground') is not False)
+    t, phase = reference.t[asked], reference.phase[asked]
+    turning = _turning(bag, reference.stamp[asked])
+    floor = _parameter(bag, 'sim_node', 'simulator', 'plant', 'ground') is not False
+    if shut_down:
+        return landing_fault(t, truth.position[true, 2], phase, turning) if floor else ''
+    return flight_fault(
+        t, truth.position[true], reference.position[asked], phase, turning, floor)
+
+
+def _had_landed(bag: Bag, t: float) -> bool:
+    """Return whether the reference had landed at a time in s."""
+    if 'reference' not in bag:
+        return False
+    reference = bag['reference']
+    before = reference.t <= t
+    return bool(before.any()) and int(reference.phase[before][-1]) == LANDED
 
 
 def _turning(bag: Bag, stamps: Ints) -> NDArray[np.bool_]:
@@ -107,6 +124,17 @@ def refused_messages(bag: Bag) -> list[str]:
     return [f'{node} {_REFUSED}{count}' for node, count in counts.items()]
 
 
+def without_poses(bag: Bag) -> list[str]:
+    """Return a line about the longest time in which the estimator used no pose, if it is long."""
+    worst = (0.0, 0.0, '')
+    for t, status in statuses(bag):
+        said = status.message.rpartition('; ')[2]
+        if status.name == 'estimator_node' and (found := _WITHOUT.match(said)):
+            worst = max(worst, (float(found[1]), t, said))
+    age, t, said = worst
+    return [line for line in [longest(t, age, said)] if line]
+
+
 def ended_in_the_air(bag: Bag) -> list[str]:
     """Return a line about a flight that was over before its landing, or that of a command."""
     lands = _parameter(bag, 'reference_node', 'commands', 'enabled') is True or _parameter(
@@ -140,13 +168,15 @@ def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
     """
     lines, first = [], set()
     carried = _carried(bag)
-    finals = ('sim_node',) if carried else ('sim_node', 'controller_node')
     for t, status in statuses(bag):
-        if status.name in finals and status.level == _ERROR and status.name not in first:
+        if status.level != _ERROR or status.name in first or status.name not in _FINALS:
+            continue
+        if status.name == 'sim_node' or not (carried or _had_landed(bag, t)):
             first.add(status.name)
             lines.append(f'{status.name} at {t:.3f} s: {status.message}')
-    if not lines and not carried and (reason := _shut_down(bag) or _flight_fault(bag)):
-        lines.append(reason)
+    if not carried:
+        lines += [] if lines else filter(None, [_shut_down(bag)])
+        lines += filter(None, [_flight_fault(bag, bool(lines))])
     clock = next((name for name in ('/clock', 'clock') if name in bag), None)
     planned = _planned(bag)
     if clock and planned and not is_told:

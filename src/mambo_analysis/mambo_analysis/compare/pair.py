@@ -443,6 +443,9 @@ def within(bag: Bag, parts: Phases, notes: list[str]) -> list[Comparison]:
                          'mambo replay to make one')
     elif measured is not None:
         out.append(_between(bag, 'estimate/odom', measured, 'estimation error', parts, notes))
+        if 'estimate/map' in bag:
+            out.append(_between(
+                bag, 'estimate/map', measured, 'estimation error in map', parts, notes))
     elif not imported:
         notes.append('no estimation error: it needs optitrack/pose or ground_truth/odom')
     return [comparison for comparison in out if comparison is not None]

@@ -325,7 +325,7 @@ def of_one(bag: Bag, result: Mapping[str, Any]) -> Report:
     shown, sections = [], []
     for comparison in comparisons:
         shown += comparison_figures(
-            comparison, f'{comparison.title.split()[0]}: ', {},
+            comparison, f'{comparison.title.partition(":")[0].replace(" error", "")}: ', {},
             [colours[label] for label in comparison.labels])
         sections += [{**entry, 'title': f'{entry["quantity"]}: {comparison.title}'}
                      for entry in comparison.sections()]

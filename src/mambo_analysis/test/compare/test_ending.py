@@ -1,6 +1,6 @@
 """What ends a flight before its time is a line; a hand that carries the vehicle ends nothing."""
 
-from mambo_analysis.compare.ending import ended_early, ended_in_the_air
+from mambo_analysis.compare.ending import ended_early, ended_in_the_air, without_poses
 from mambo_bags.reader import read_bag
 from mambo_bags.writer import BagWriter
 from mambo_model.motion.flatness import Reference
@@ -17,13 +17,15 @@ LINE = 'motors shut down: estimator not aligned'
 
 
 def bag(path, name, level, hand=False, seconds=3, motors=False, height=None, down=False,
-        commanded=False, landed=False, lost=()):
+        commanded=False, landed=False, lost=(), first=1, line=(LINE,) * 3):
     """
-    Return a bag of so many s of a flight of 3 s, in which a node says a line at 1 s.
+    Return a bag of so many s of a flight of 3 s, in which a node says a line each second.
 
-    With a height in m, the vehicle is there, and its reference 1 m high, from 1 s on; the
-    reference has landed from 2 s on, if it does. Motor commands are lost at some seconds.
+    With a height in m, or one for each second, the vehicle is there, and its reference 1 m high,
+    from 1 s on; the reference has landed from 2 s on, if it does. Motor commands are lost at some
+    seconds. The lines begin at the first second that is given.
     """
+    heights = height if isinstance(height, tuple) else (height,) * seconds
     scenario = {'/mambo/sim_node': {'ros__parameters': {
         'duration': 3.0, 'simulator': {'hand': {'enabled': hand}}}},
         '/mambo/reference_node': {'ros__parameters': {'commands': {'enabled': commanded}}}}
@@ -44,9 +46,10 @@ def bag(path, name, level, hand=False, seconds=3, motors=False, height=None, dow
             writer.write('/mambo/reference', messages.reference(
                 t, HIGH, LANDED if landed and second >= 2 else TRACK), t)
             writer.write('/mambo/ground_truth/odom', messages.ground_truth(
-                t, State((0.0, 0.0, -height), ZERO, LEVEL, ZERO)), t)
-        if second:
-            writer.write('/diagnostics', diagnostics.report(t, name, level, LINE, {}), t)
+                t, State((0.0, 0.0, -heights[second - 1]), ZERO, LEVEL, ZERO)), t)
+        if second >= first:
+            writer.write('/diagnostics', diagnostics.report(
+                t, name, level, line[second - 1], {}), t)
     writer.close()
     return read_bag(path)
 
@@ -94,6 +97,31 @@ def test_motors_that_a_controller_shut_down_without_a_report_are_told(tmp_path):
     assert ended_early(reported) == [f'controller_node at 1.000 s: {LINE}']
     carried = bag(tmp_path / 'c', 'sim_node', diagnostics.OK, height=1.0, down=True, hand=True)
     assert ended_early(carried) == []
+
+
+def test_a_controller_that_gives_up_after_the_landing_ends_nothing(tmp_path):
+    for name, first, said in (('a', 1, [f'controller_node at 1.000 s: {LINE}']), ('b', 2, [])):
+        assert ended_early(bag(tmp_path / name, 'controller_node', diagnostics.ERROR, height=0.0,
+                               landed=True, first=first)) == said
+    low = bag(tmp_path / 'c', 'sim_node', diagnostics.ERROR, height=0.0, landed=True, first=2)
+    assert ended_early(low) == [f'sim_node at 2.000 s: {LINE}']
+
+
+def test_the_fall_after_a_shutdown_is_told_with_it(tmp_path):
+    one = bag(tmp_path / 'bag', 'controller_node', diagnostics.ERROR, height=(9.0, 5.0, 0.0))
+    assert ended_early(one) == [
+        f'controller_node at 1.000 s: {LINE}', 'the vehicle hit the floor at 3.00 s with 4.0 m/s']
+
+
+def test_the_longest_time_without_poses_is_told(tmp_path):
+    lines = ['nominal; motion capture refused for 1.0 s: position 1.00 m off',
+             'nominal; motion capture refused for 2.0 s: position 1.20 m off', 'nominal']
+    one = bag(tmp_path / 'a', 'estimator_node', diagnostics.WARN, line=lines)
+    assert without_poses(one) == ['the estimate went on without poses until t = 2.00 s: motion '
+                                  'capture refused for 2.0 s: position 1.20 m off']
+    short = bag(tmp_path / 'b', 'estimator_node', diagnostics.WARN, line=[
+        'nominal; no motion capture for 0.9 s', 'no motion capture for long', ''])
+    assert without_poses(short) == []
 
 
 def test_motors_that_stop_above_the_floor_after_the_landing_are_told(tmp_path):

@@ -8,6 +8,7 @@ from . import aided
 from ..estimate import DOUBTFUL
 from .aided import Capture
 
+LONG = 1.0  # s without a pose that a flight tells of at its end (judgement)
 _TROUBLES = {
     aided.POSITION_OFF: 'position {off:.2f} m off',
     aided.ATTITUDE_OFF: 'attitude off, as by a flip',
@@ -33,6 +34,25 @@ def complaint(c: Capture, max_age: float) -> str:
         return f'no motion capture for {c.silence:.1f} s'
     return (f'motion capture refused for {c.age:.1f} s: '
             + _TROUBLES.get(c.trouble, _TROUBLES[aided.NEVER]).format(off=c.off))
+
+
+def longest(t: float, age: float, said: str) -> str:
+    """
+    Return a line about the longest time without a pose that was used; '' if that is no matter.
+
+    Parameters
+    ----------
+    t : s
+        Its end.
+    age : s
+        How long it was.
+    said
+        What the estimator reported then, of :func:`complaint`.
+
+    """
+    if not said or age < LONG:
+        return ''
+    return f'the estimate went on without poses until t = {t:.2f} s: {said}'
 
 
 def numbers(c: Capture) -> dict[str, float]:

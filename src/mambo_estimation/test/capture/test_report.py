@@ -22,6 +22,14 @@ def test_complaint(capture, text):
     assert report.complaint(capture, 0.25) == text
 
 
+@pytest.mark.parametrize(('age', 'told'), [(0.9, False), (1.0, True), (31.0, True)])
+def test_a_long_time_without_poses_is_told_at_the_end(age, told):
+    said = report.complaint(seen(age=age), 0.25)
+    line = f'the estimate went on without poses until t = 34.00 s: {said}'
+    assert report.longest(34.0, age, said) == line * told
+    assert not report.longest(34.0, age, '')
+
+
 def test_status_is_no_better_than_before_and_names_the_numbers():
     for level, want in ((GOOD, DOUBTFUL), (BAD, BAD)):
         found = report.added((level, 'nominal', {'height [m]': 1.0}), seen(

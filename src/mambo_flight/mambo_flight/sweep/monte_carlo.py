@@ -19,7 +19,7 @@ from mambo_model.compiled import jit
 from mambo_model.motion.height_check import (
     AWAY, DROP, FAR, hits_floor, lies_below, LONG, LOW, too_far)
 from mambo_model.motion.rigid_body import LIFTED
-from mambo_model.motion.trajectory import in_flight, PlanValues
+from mambo_model.motion.trajectory import in_flight, LANDED, PlanValues
 from mambo_model.motion.vector import add, dot, mul, sub, Vec3
 from mambo_model.vehicle.motor_mixer import Four
 from mambo_model.vehicle.parameters import OptionValues, Vehicle, VehicleValues
@@ -28,6 +28,7 @@ from mambo_sim.parameters import STEP_NS
 import numpy as np
 
 from .. import closed_loop
+from ..capture_columns import COLUMNS
 from ..scenario import Scenario
 
 STEP = STEP_NS * 1e-9  # s
@@ -48,7 +49,7 @@ class Tally(NamedTuple):
     saturated: int  # of these, steps with a motor at a PWM limit
     pwm_max: float
     effort: float  # N^1.5, thrust of each rotor to the power 1.5
-    stopped_at: float  # s, time of the shutdown; NaN: none
+    stopped_at: float  # s, time of the shutdown; NaN: none before LANDED
     reason: int  # of the shutdown, safety.REASON_*
     top: float  # m, largest true height
     down_since: float  # s, from when it lies on the floor below its reference; NaN: it does not
@@ -62,7 +63,8 @@ class Tally(NamedTuple):
     strayed: bool  # whether it was far from its reference for AWAY or more
     asked_from: float  # s, from when to when the reference in flight was above LOW; NaN: never
     asked_until: float  # s
-    failsafe: int  # reason of the newest command, safety.REASON_*; none: it follows the reference
+    failsafe: int  # reason of the newest command before LANDED, safety.REASON_*; none: it follows
+    #                the reference
 
 
 START = Tally(
@@ -105,7 +107,7 @@ def count(
     for x in thrust:
         effort += x * math.sqrt(x)
     at = a.stopped_at
-    if stopped and math.isnan(at):
+    if stopped and math.isnan(at) and phase != LANDED:
         at = t
     runs = int(highest > 0.0)
     cut = int(highest > 0.0 and (highest >= vv.pwm_max or lowest <= vv.pwm_min))
@@ -133,7 +135,8 @@ def count(
             a.steps, a.tracking, a.tracking_max, track, a.estimation, a.estimation_max, drift,
             a.running + runs, a.saturated + cut, max(a.pwm_max, highest), effort, at,
             reason if stopped else a.reason, top, since, fell, still, -truth[2], a.before,
-            asked_top, off_since, beside_since, strayed, begun, ended, reason)
+            asked_top, off_since, beside_since, strayed, begun, ended,
+            a.failsafe if phase == LANDED else reason)
     return Tally(
         a.steps + 1, add(a.tracking, mul(off, off)), max(a.tracking_max, track), track,
         add(a.estimation, mul(wrong, wrong)), max(a.estimation_max, drift), drift,
@@ -229,10 +232,12 @@ def fly_with_sensors(flight: Scenario) -> dict[str, Any]:
 
 
 def measure(flight: Scenario, r: closed_loop.Recording) -> dict[str, Any]:
-    """Return the :func:`metrics` of a flight that was flown."""
-    p = flight.sim_node.simulator
+    """Return the :func:`metrics` of a flight that was flown, with the estimate it was flown on."""
+    p, estimate = flight.sim_node.simulator, r.estimate
+    if flight.controller_node.estimate == 'map' and r.located is not None:
+        estimate = r.located[:, :COLUMNS.covariance]
     return metrics(_count_all(
-        r.t, r.truth, r.estimate, r.reference, r.phase, r.pwm, r.stopped, r.reason,
+        r.t, r.truth, estimate, r.reference, r.phase, r.pwm, r.stopped, r.reason,
         flight.controller_node.vehicle.values(), plant.initial(p.plant), p.vehicle.values(),
         p.plant.substeps(), p.vehicle.options()), p.vehicle, _standing(flight), p.plant.ground)
 

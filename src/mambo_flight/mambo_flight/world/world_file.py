@@ -49,11 +49,15 @@ def check_cameras(hall: Hall, flights: Sequence[Scenario]) -> None:
         flight.optitrack_node.optitrack for flight in flights])
 
 
+_FRAME = ('# A place is where the frame of a drone begins in the hall, x y z in m, inertial NED (z\n'
+          '# down). The topics of a drone have z up: the same x, y and z with the other sign.\n')
+
+
 def to_text(hall: Hall) -> str:
     """Return a hall as YAML."""
     places = {name: [float(x) for x in place] for name, place in hall.places.items()}
     return yaml.safe_dump(
-        {'world': dataclasses.asdict(hall.params), 'places': places}, sort_keys=False)
+        {'world': dataclasses.asdict(hall.params), 'places': places}, sort_keys=False) + _FRAME
 
 
 def parse(text: str, where: str) -> Hall:

@@ -105,6 +105,15 @@ def test_a_shutdown_is_told_with_its_first_instant_and_its_reason():
     assert row['saturated_share'] == 0.0
 
 
+@pytest.mark.parametrize(('phase', 'told'), [(2, True), (3, True), (4, False)])
+def test_what_happens_after_the_landing_is_no_failure(phase, told):
+    tally = monte_carlo.START
+    for reason in (0, 3, 3):
+        tally = count(tally, 0.5, 0.0, reason == 3, reason, (0.0,) * 4, phase)
+    row = monte_carlo.metrics(tally, Vehicle())
+    assert row['shutdown'] == told and bool(row['failsafe']) == told
+
+
 def test_a_flight_on_the_floor_below_its_reference_has_fallen():
     heavy = scenario(estimator='ground_truth', land=False, duration=6.0, overrides={
         'sim_node.simulator.vehicle.mass': 0.2})
@@ -186,9 +195,10 @@ def test_any_flight_has_the_metrics_of_its_arrays(steps):
     if running.any():
         assert row['saturated_share'] == (limited & running).sum() / running.sum()
     assert row['pwm_max'] == pwm.max() and row['energy'] >= 0.0
-    assert row['shutdown'] == stopped.any()
-    if stopped.any():
-        assert row['shutdown_time'] == 0.005 * np.argmax(stopped)
+    down = stopped & (phase < LANDED)
+    assert row['shutdown'] == down.any()
+    if down.any():
+        assert row['shutdown_time'] == 0.005 * np.argmax(down)
 
 
 @given(runs=st.lists(st.tuples(

@@ -16,6 +16,7 @@ HALL = Hall(
 
 def test_a_hall_survives_being_written():
     assert parse(to_text(HALL), 'bag') == HALL
+    assert 'inertial NED' in to_text(HALL)  # a reader must know: the topics have z up
     assert world_file.NAME == 'world.yaml'
 
 

@@ -171,7 +171,7 @@ def flight_fault(
     phase: NDArray[np.int64], turning: NDArray[np.bool_], floor: bool = True,
 ) -> str:
     """
-    Return why a flight was not flown as asked: height, distance or landing; or an empty string.
+    Return why a flight was not flown as asked: height, distance and landing; or an empty string.
 
     Parameters
     ----------
@@ -184,8 +184,9 @@ def flight_fault(
     height = truth[:, 2]
     off = truth - wanted
     beside = np.sqrt(off[:, 0] * off[:, 0] + off[:, 1] * off[:, 1])
-    return height_fault(t, height, wanted[:, 2], phase, floor) or distance_fault(
-        t, beside, phase) or (landing_fault(t, height, phase, turning) if floor else '')
+    return '; '.join(filter(None, (
+        height_fault(t, height, wanted[:, 2], phase, floor), distance_fault(t, beside, phase),
+        landing_fault(t, height, phase, turning) if floor else '')))
 
 
 def over_in_the_air(height: float, turning: bool) -> str:

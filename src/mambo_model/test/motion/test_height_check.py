@@ -89,7 +89,8 @@ def test_a_vehicle_far_beside_its_reference_is_named(beside, seconds, phase, tol
     wanted = np.zeros((401, 3)) + (1.0, 2.0, 1.0)
     whole = np.full(401, phase), np.ones(401, bool)
     assert flight_fault(t, truth, wanted, *whole) == said
-    assert 'above' in flight_fault(t, truth + (0.0, 0.0, 1.5), wanted, *whole)  # comes first
+    above = flight_fault(t, truth + (0.0, 0.0, 1.5), wanted, *whole)
+    assert 'above its reference' in above and above.endswith(f'; {said}' * told)  # both are named
 
 
 ON_FLIGHT = (False, True, True, False, False, False)
