@@ -75,7 +75,8 @@ FLYING, HOLDING, LANDING, DESCENDING_BLIND, STOPPED = range(5)
 STAGES = ('flying', 'holding', 'landing', 'descending blind', 'motors shut down')
 REASONS = (
     '', 'tilt limit', 'height limit', 'estimate lost or unusable',
-    'reference lost or unusable', 'crash',
+    'reference lost or unusable',
+    'crash: attitude, body rate or velocity far from what is asked for',
     'estimator not aligned: let the vehicle rest, start again', 'controller failed')
 
 SHORTEST_BLEND = 0.5  # s, shortest time in which a descent reaches its speed

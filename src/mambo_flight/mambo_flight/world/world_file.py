@@ -49,8 +49,8 @@ def check_cameras(hall: Hall, flights: Sequence[Scenario]) -> None:
         flight.optitrack_node.optitrack for flight in flights])
 
 
-_FRAME = ('# A place is where the frame of a drone begins in the hall, x y z in m, inertial NED (z\n'
-          '# down). The topics of a drone have z up: the same x, y and z with the other sign.\n')
+_FRAME = ('# A place is where the frame of a drone begins in the hall, x y z in m, inertial NED\n'
+          '# (z down). The topics of a drone have z up: x is the same, y and z change sign.\n')
 
 
 def to_text(hall: Hall) -> str:

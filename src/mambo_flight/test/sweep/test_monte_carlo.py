@@ -99,7 +99,8 @@ def test_a_shutdown_is_told_with_its_first_instant_and_its_reason():
     for t in (1.0, 1.5):
         tally = count(tally, t, 3.0, True, 5, (0.0,) * 4)
     row = monte_carlo.metrics(tally, Vehicle())
-    assert (row['shutdown'], row['shutdown_time'], row['shutdown_reason']) == (True, 1.0, 'crash')
+    assert (row['shutdown'], row['shutdown_time']) == (True, 1.0)
+    assert row['shutdown_reason'].startswith('crash: ')
     assert row['tracking_rms'] == pytest.approx(math.sqrt(19.0 / 3.0), rel=1e-15)
     assert row['estimation_rms_z'] == 2.0 and row['estimation_rms_x'] == 0.0
     assert row['saturated_share'] == 0.0
