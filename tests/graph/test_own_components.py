@@ -30,7 +30,7 @@ def test_the_four_of_ones_own_are_the_closed_loop_to_the_bit(tmp_path):
     for topic in topics.RECORDED:
         name = topic.name if topic.name.startswith('/') else f'/mambo/{topic.name}'
         assert graph[name].raw and graph[name].raw == alone[name].raw, name
-    for source in ('alpha_beta_filter 1.0', 'pd_controller 1.0', '# figure_eight.csv'):
+    for source in ('alpha_beta_filter 1.1', 'pd_controller 1.0', '# figure_eight.csv'):
         assert f'{source}, sha256 ' in str(graph.attachments['scenario.yaml'])
     height, wanted = (graph[name].position[:, 2] for name in ('ground_truth/odom', 'reference'))
     assert height[-1] == pytest.approx(wanted[-1], abs=0.15) and 1.3 < wanted[-1] < 1.4

@@ -2,6 +2,7 @@
 
 from contextlib import nullcontext
 import dataclasses
+import math
 from pathlib import Path
 import pickle
 import re
@@ -13,7 +14,7 @@ from mambo_control.safety import REASON_CONTROLLER
 from mambo_estimation import filters
 from mambo_estimation.estimate import of_state
 from mambo_flight import closed_loop, fly, scenario as scenarios, scenario_file
-from mambo_flight.sweep import design
+from mambo_flight.sweep import design, monte_carlo
 from mambo_model import components, schema, slots
 from mambo_model.components import Component
 from mambo_model.motion import rigid_body
@@ -248,6 +249,36 @@ def test_an_estimator_of_a_file_flies_and_is_lost_when_it_fails(tmp_path):
     assert f'{broken}:' in (fault := slots.latest_fault()) and 'ZeroDivisionError' in fault
     assert np.isnan(out.estimate[-1]).all()
     assert abs(out.truth[-1, 2]) < 0.1 and not out.pwm[-1].any()
+
+
+@pytest.mark.parametrize('name', [
+    'circle', 'flatness_drag', pytest.param('yours', marks=pytest.mark.long)])  # long: compiles
+def test_the_estimator_of_the_examples_flies_from_take_off_to_landing(name):
+    if name == 'yours':
+        _, chosen = scenario_file.load(str(EXAMPLES / 'yours.yaml'))
+    else:
+        chosen = scenarios.scenario(
+            duration=20.0, estimator=str(HEIGHT),
+            controller='cascaded' if name == 'circle' else name)
+    slots.latest_fault()
+    out = closed_loop.fly(chosen, inner=True)
+    assert not slots.latest_fault()
+    assert not fly.failure(chosen, out, monte_carlo.measure(chosen, out))
+    height, climb = -out.truth[:, 2], np.gradient(-out.truth[:, 2], out.t * 1e-9)
+    assert height.max() > 1.0 and abs(height[-1]) < 0.05 and not out.pwm[-1].any()
+    # ten seeds: 0.02 m, below the sonar's noise of 0.03 m; the landing touches at 0.7 m/s
+    assert np.abs(-out.estimate[:, 2] - height)[height > 0.05].max() < 0.06  # m
+    assert climb[height < 0.1].min() > -1.0  # m/s
+
+
+def test_a_range_at_the_first_step_of_the_estimator_of_the_examples_is_used():
+    component = filters.REGISTRY.find(str(HEIGHT))
+    values = component.params().values()
+    none = (math.nan, math.nan)
+    _, estimate = component.step(
+        component.initial(values), 0.0, (0.0,) * 3, (0.0, 0.0, -9.81), 1.5, none, 0, math.nan,
+        values)
+    assert estimate.height == pytest.approx(0.3 * 1.5) and estimate.vertical_velocity == 0.0
 
 
 @pytest.mark.long
