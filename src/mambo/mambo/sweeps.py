@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 import re
 import tempfile
 from typing import Any
+import warnings
 
 from mambo_bags.cli.option_types import MOST_WORKERS
 from mambo_flight.course import course_file
@@ -25,6 +27,8 @@ def sweep(
 ) -> pandas.DataFrame:
     """
     Fly a scenario many times; return a row per flight.
+
+    Before the flights one UserWarning names the courses that their vehicle cannot fly.
 
     Parameters
     ----------
@@ -46,17 +50,18 @@ def sweep(
 
     """
     look_again()
+    warn = partial(warnings.warn, stacklevel=3)  # at the line that calls this function
     if workers is not None:
         workers = given.whole('workers', workers, 1, MOST_WORKERS)
     with tempfile.TemporaryDirectory(prefix='mambo_') as folder:
         out = Path(folder) / 'sweep.parquet' if output is None else given.path(output, 'output')
         if not isinstance(what, Mapping):
             return pandas.DataFrame(
-                command.sweep(given.path(what, 'sweep'), out, ideal, workers))
+                command.sweep(given.path(what, 'sweep'), out, ideal, workers, warn=warn))
         file = Path(folder) / 'sweep.yaml'
         file.write_text(_text(what))
         try:
-            return pandas.DataFrame(command.sweep(file, out, ideal, workers))
+            return pandas.DataFrame(command.sweep(file, out, ideal, workers, warn=warn))
         except InputError as error:  # the user has not written this file
             raise type(error)(
                 re.sub(rf'{re.escape(str(file))}(:\d+)?', 'sweep', str(error))) from None

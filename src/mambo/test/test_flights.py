@@ -7,6 +7,7 @@ import pickle
 import re
 
 import mambo
+from mambo import flights
 from mambo_control.command import thrust_and_torque
 from mambo_flight import closed_loop, fly as command
 from mambo_flight.scenario import to_yaml
@@ -68,6 +69,17 @@ def test_a_saved_bag_is_that_of_the_command(tmp_path, capsys):
     ours, theirs = (next((tmp_path / name).glob('*.mcap')).read_bytes()
                     for name in ('ours', 'theirs'))
     assert ours == theirs
+
+
+def test_a_course_that_cannot_be_flown_is_one_warning_at_the_line_of_the_call(monkeypatch):
+    def quick(t):
+        return 2.0 * math.sin(5.0 * t) - 10.0 * t * math.exp(-t), 0.0, -1.5
+    quick.duration = 3.0
+    monkeypatch.setattr(flights.supervised, 'fly', lambda *_, **__: (None, ''))
+    with pytest.warns(UserWarning, match='the vehicle cannot fly .*quick.*: tilt') as found:
+        mambo.fly(trajectory=quick)
+    assert len(found) == 1 and found[0].filename == __file__
+    assert str(found[0].message).endswith(' slows it')
 
 
 def test_parameters_are_applied_last(flight):

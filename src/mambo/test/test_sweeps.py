@@ -29,6 +29,17 @@ def test_a_file_and_its_content_are_the_same_sweep(tmp_path):
     pandas.testing.assert_frame_equal(mambo.sweep(WHAT, ideal=True, workers=1), theirs)
 
 
+def test_a_course_that_cannot_be_flown_is_one_warning_at_the_line_of_the_call(
+        tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'fast.csv').write_text('t,x,y,height\n0,0,0,1.5\n1.4,6,0,1.5\n2.8,0,0,1.5\n')
+    monkeypatch.setattr(command, 'run', lambda flights, *_: pytest.fail())
+    with pytest.warns(UserWarning, match='^flight 0: the vehicle cannot fly fast.csv: ') as found:
+        with pytest.raises(pytest.fail.Exception):
+            mambo.sweep({'vary': {'trajectory': ['fast.csv'], 'seed': [1, 2, 3]}}, workers=1)
+    assert len(found) == 1 and found[0].filename == __file__
+
+
 @pytest.mark.long
 def test_a_sweep_flies_a_file_as_it_is_now(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

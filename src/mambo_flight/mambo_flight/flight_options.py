@@ -19,7 +19,7 @@ from mambo_model.vehicle.parameters import PRESETS
 from mambo_sim.world import MOST, WorldParams
 
 from . import changes, commanded, scenario as scenarios, unused
-from .course import course_file, feasibility
+from .course import course_file, course_warnings, feasibility
 from .scenario import Scenario
 from .scenario_file import (
     build_world, contradicted, FIELDS, load_world, long_enough, Place, SETS)
@@ -238,27 +238,9 @@ def remarks(
     simulator = flight.sim_node.simulator
     if not simulator.hand.enabled and (heavy := feasibility.too_heavy(simulator.vehicle)):
         yield f'warning: {heavy}'
-    plan = flight.reference_node.plan
-    if plan.trajectory != COURSE:
-        return
-    course, vehicle = plan.flown_course(), flight.reference_node.vehicle
-    name = course_file.source(plan).partition(',')[0] or 'the course'
-    if odd := feasibility.odd(course):
-        yield f'warning: {name} {odd}'
-    if stretch is not None and trajectory is not None:
-        for line in course_file.left(Path(trajectory).expanduser(), course):
+    plan, vehicle = flight.reference_node.plan, flight.reference_node.vehicle
+    for line in course_warnings.describe(plan, vehicle, stretch=True):
+        yield f'warning: {line}'
+    if plan.trajectory == COURSE and stretch is not None and trajectory is not None:
+        for line in course_file.left(Path(trajectory).expanduser(), plan.flown_course()):
             yield f'warning: {line}: --stretch does not keep it'
-    failure = feasibility.check(course, vehicle)
-    if failure is None:
-        if failure := feasibility.check_flight(plan, vehicle):
-            part = feasibility.part_of(plan, failure.t)
-            yield (f'warning: the vehicle cannot fly the way to or from {name}: {failure} (time '
-                   f'of the flight); lengthen it with reference_node.plan.{part}, now '
-                   f'{getattr(plan, part):g} s')
-        return
-    try:
-        rate = plan.scale_rate / feasibility.stretch(course, vehicle)
-        remedy = f'--stretch auto slows it: reference_node.plan.scale_rate={rate:.3f}'
-    except feasibility.JobError:
-        remedy = 'mambo trajectory check says more'
-    yield f'warning: the vehicle cannot fly {name}: {failure} (time of the course); {remedy}'

@@ -10,11 +10,12 @@ depend on the number of workers. The file is described in mambo_flight/sweep/des
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 import math
 from pathlib import Path
 import sys
 from typing import Any
+import warnings
 
 from mambo_bags.cli.option_types import FLIGHT, WORKERS
 from mambo_bags.command import guard, interrupted, Parser, program
@@ -24,16 +25,18 @@ import numpy as np
 
 from . import design, heat_map, monte_carlo, plot, table
 from .. import fly, recording_to_bag
+from ..course import course_warnings
 from .run import run
 from .table import KEPT, SweepError
 
 SHOWN = ('tracking_rms', 'tracking_max', 'estimation_rms', 'estimation_final',
          'saturated_share', 'pwm_max')
+MOST_CHECKED = 20  # flights of a course that differ in plan or vehicle; 15 ms each
 
 
 def sweep(
     path: Path, out: Path, ideal: bool = False, workers: int | None = None,
-    dask: str | None = None,
+    dask: str | None = None, warn: Callable[[str], object] = warnings.warn,
 ) -> dict[str, list[Any]]:
     """
     Fly a sweep file.
@@ -48,6 +51,9 @@ def sweep(
         Whether to fly without sensors, on the true state.
     workers, dask
         See :func:`run.run`.
+    warn
+        Called before the flights with what the vehicle cannot fly of their courses, a line for
+        each, if there is any.
 
     Returns
     -------
@@ -68,8 +74,8 @@ def sweep(
     for picture in (out.with_suffix('.png'), map_of(out)):
         refuse_other_kind(picture, PICTURE)
     flights = design.Flights(design.read(path))
-    for number in range(len(flights.sweep.rows)):  # refuse wrong input before anything is flown
-        flights[number]
+    if lines := _check(flights):
+        warn('\n'.join(lines))
     journal = table.Journal(
         out.with_name(f'{out.name}.rows'), table.digest(flights, ideal))
     if said := table.continued(flights, journal):
@@ -87,6 +93,35 @@ def sweep(
     plot.draw(out.with_suffix('.png'), data, names, title, units)
     heat_map.draw(map_of(out), data, names, title, units)
     return data
+
+
+def _check(flights: design.Flights) -> list[str]:
+    """
+    Refuse wrong input before anything is flown; return warnings about the courses, a line each.
+
+    Those of a course are of the first flight that has any, among its first ``MOST_CHECKED``
+    flights that differ in plan or vehicle.
+    """
+    lines: list[str] = []
+    told: set[str] = set()
+    checked: dict[str, set[Any]] = {}
+    for number in range(len(flights)):
+        reference = flights[number].reference_node
+        plan, pair = reference.plan, (reference.plan, reference.vehicle)
+        others = checked.setdefault(plan.course, set())
+        if plan.course in told or pair in others or len(others) == MOST_CHECKED:
+            continue
+        others.add(pair)
+        if found := [f'flight {number}: {line}' for line in course_warnings.describe(*pair)]:
+            lines += found
+            told.add(plan.course)
+    return lines
+
+
+def _print_warnings(lines: str) -> None:
+    """Print warnings as ``mambo fly`` does."""
+    for line in lines.splitlines():
+        print(f'warning: {line}', flush=True)
 
 
 def map_of(out: Path) -> Path:
@@ -143,6 +178,9 @@ def _fly(path: Path, number: int, out: Path) -> None:
         raise SweepError(f'--flight {number}: the last flight of {path} is {len(flights) - 1}')
     flight = flights[number]
     recording_to_bag.check(flight)
+    reference = flight.reference_node
+    for line in course_warnings.describe(reference.plan, reference.vehicle):
+        _print_warnings(line)
     fly.write_flight(f'flight {number}', flight, out)
 
 
@@ -163,7 +201,8 @@ def _run(options: argparse.Namespace) -> None:
         _fly(options.sweep, options.flight, options.output)
         return
     try:
-        data = sweep(options.sweep, options.output, options.ideal, options.workers, options.dask)
+        data = sweep(options.sweep, options.output, options.ideal, options.workers, options.dask,
+                     _print_warnings)
     except KeyboardInterrupt as end:
         raise interrupted(end, KEPT) from None
     print(f'{summary(data)}\ntable: {options.output}\nplots: {options.output.with_suffix(".png")}')

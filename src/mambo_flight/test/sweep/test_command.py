@@ -72,6 +72,54 @@ def test_a_result_that_is_there_is_not_flown_again(file, tmp_path, flown):
     assert not flown and (tmp_path / 'a.parquet').read_text() == 'precious'
 
 
+def courses(tmp_path, rest):
+    """Return a sweep file over a fast and a slow course, with more that varies."""
+    for name, end in (('fast', 2.8), ('slow', 28.0)):
+        (tmp_path / f'{name}.csv').write_text(
+            f't,x,y,height\n0,0,0,1.5\n{end / 2},6,0,1.5\n{end},0,0,1.5\n')
+    path = tmp_path / 'courses.yaml'
+    path.write_text(f'vary:\n  trajectory: [slow.csv, fast.csv]\n{rest}')
+    return path
+
+
+def test_a_course_that_cannot_be_flown_is_told_once_before_the_flights(
+        tmp_path, flown, capsys, monkeypatch):
+    file = courses(tmp_path, '  seed: {range: [1, 50]}\n')
+    checks = []
+    describe = command.course_warnings.describe
+    monkeypatch.setattr(command.course_warnings, 'describe', lambda *pair: (
+        checks.append(pair), describe(*pair))[1])
+    with pytest.warns(UserWarning, match='cannot fly') as found:
+        sweep(file, tmp_path / 'a.parquet')
+    line, = [str(one.message) for one in found]
+    assert line.startswith('flight 50: the vehicle cannot fly fast.csv: ')
+    assert line.endswith(' slows it') and '\n' not in line
+    assert len(checks) == 2  # of 100 flights
+    monkeypatch.setitem(ROW, 'fault', '')
+    assert main([str(file), '-o', str(tmp_path / 'b.parquet')]) == 0
+    assert capsys.readouterr().out.startswith(f'warning: {line}\n')
+
+
+def test_a_vehicle_that_cannot_fly_a_course_is_found_among_the_first(tmp_path, flown):
+    mass = '  sim_node.simulator.vehicle.mass: [0.068]\n  reference_node.vehicle.mass: '
+    file = courses(tmp_path, f'{mass}[0.068, 0.17]\n')
+    lines = []
+    sweep(file, tmp_path / 'a.parquet', warn=lines.append)
+    first, second = lines[0].splitlines()
+    assert first.startswith('flight 1: the vehicle cannot fly slow.csv: ')
+    assert second.startswith('flight 2: the vehicle cannot fly fast.csv: ')
+
+
+def test_as_many_different_flights_of_a_course_are_checked_as_take_no_time(
+        tmp_path, flown, monkeypatch):
+    file = courses(tmp_path, '  reference_node.vehicle.mass: {range: [0.06, 0.068, 40]}\n')
+    checks = []
+    monkeypatch.setattr(command.course_warnings, 'describe', lambda *pair: (
+        checks.append(pair), [])[1])
+    sweep(file, tmp_path / 'a.parquet', warn=pytest.fail)
+    assert len(checks) == 2 * command.MOST_CHECKED == 40
+
+
 def test_a_flight_that_contradicts_itself_is_refused_before_any_is_flown(file, tmp_path, flown):
     file.write_text(TEXT.replace('duration: 2.5', 'duration: [2.5, 0.0]'))
     with pytest.raises(ParameterError, match='sweep.yaml:5: .*duration = 0.0 s is outside'):
