@@ -4,23 +4,35 @@ Whether one offset between two clocks holds for a whole flight, by the motion in
 An offset that is found from the whole of two recordings fits most of them. Where a clock jumps,
 the rest is moved by the jump, and nothing of that shows in the offset. So the turn rates
 and climb rates of both recordings are compared in windows: some that show one offset clearly, and
-some that show another one and the first not at all, are a contradiction. No window of 12 real
-flights shows another offset than the found one.
+some that show another one and the first not at all, are a contradiction
+(:func:`contradiction`). No window of 12 real flights shows another offset than the found one.
+
+A clock that runs at a wrong rate may leave no window with an offset, or one. So the times of one
+recording are stretched by rates near 1, each with the offset that fits it best
+(:func:`wrong_rate`). On five real flights of a Crazyflie the mean correlation of climb rate and
+turn rates while the motors run is 0.87 to 0.96 at its largest, within 0.5 % of the right rate, and
+0.31 to 0.89 at a rate that is wrong by 2 to 7 %. A smaller change of the offset within the
+flight is found in windows, too, and widens its standard error or is refused (:func:`change`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, gaussian_filter1d
+from scipy.ndimage import binary_dilation, binary_erosion, gaussian_filter1d
 
 from .resample import inside_gaps
+from .time_offset import (
+    AlignError, Grid, LEAST_QUALITY, LEAST_SWING, masked_correlation, RIVAL, time_offset,
+    UNEXPLAINED)
 
 Floats = NDArray[np.float64]
+Pairs = Mapping[str, tuple[Floats, Floats, Floats, Floats]]
 STEP = 0.01      # s, of the grid
 SMOOTH = 0.03    # s, standard deviation
 WINDOW = 4.0     # s
@@ -34,6 +46,28 @@ NONE = 0.5       # correlation at the found one where it shows another, at most
 CERTAIN = (0.95, 0.2)  # the same where one window is enough
 VOTES = 2        # windows and axes that agree
 CLIMB = (0.02, 0.15)   # s, step and smoothing of a climb rate
+WINDOWS, SHORTEST = 6, 4.0
+"""Windows, at most, in which the offset is found again, and their least length [s]."""
+CLOSE = 0.5
+"""Largest difference of the offset of a window that is looked for [s]."""
+CHANGE = 0.05
+"""Change of the offset within a flight that is refused [s]. Crystals differ by 50 ppm: 0.03 s in
+ten minutes, longer than these batteries last."""
+SURE = 4.0
+"""Change over its standard error that counts: those of windows of a few seconds are rough."""
+DISTINCT, LEAST_WINDOWS = 8.0, 4
+"""Change over the scatter of windows about a line or two levels that is refused, and how many
+windows tell a scatter. Those of a flight that hardly turns scatter more than their errors say."""
+RATES = 1.0 + 0.0025 * np.arange(-80, 101)
+"""Rates that are tried [-]. In the part below, one beside the right one moves the ends by 0.08 s
+at most, half of how long a turn of a multirotor lasts."""
+PART = 60.0
+"""Longest part of a recording that is stretched [s], that with the most motion: there a rate
+between two of them is still seen, and long recordings cost little more than short ones."""
+RATE_STEP, RATE_SMOOTH = 0.02, 0.05  # s, of the signals that are stretched
+RATE_EDGE = 2.0 * CLIMB[1]  # s beside gaps and ends: a smoothed climb falls off there
+FINEST = 0.004
+"""Difference of the best rate from 1 that is not told [-]: one step and the rest of rounding."""
 
 
 class Vote(NamedTuple):
@@ -119,9 +153,7 @@ def _correlation(windows: Floats, seen: Floats) -> Floats:
     return np.where(known, (x @ y) / np.where(known, spread, 1.0), np.nan)
 
 
-def contradiction(
-    pairs: Mapping[str, tuple[Floats, Floats, Floats, Floats]], offset: float,
-) -> str:
+def contradiction(pairs: Pairs, offset: float) -> str:
     """
     Return in words where a flight shows another offset than the one found; empty: nowhere.
 
@@ -143,3 +175,224 @@ def contradiction(
                     f'fits an offset of {offset + vote.lag:+.3f} s (correlation {vote.there:.2f}) '
                     f'and not {offset:+.3f} s ({vote.here:.2f}): cut the recordings between')
     return ''
+
+
+def window_offsets(pairs: Pairs, offset: float, late: Mapping[str, float]) -> Floats:
+    """
+    Return the offset in parts of a flight.
+
+    Parameters
+    ----------
+    pairs
+        {name: times [s] and values of the flight, the same of the motion capture}; values in m,
+        m/s or rad/s, signals that are equally late.
+    offset : s
+        Of the whole flight, to add to the clock of the motion capture.
+    late : s
+        Possible delays by name; default: 0.
+
+    Returns
+    -------
+    (k, 3) s
+        Middle of a window on the motion capture's clock, offset there (the median of the signals,
+        one of which may have met a wrong peak), its standard error; only windows with an offset.
+
+    """
+    if not pairs:
+        return np.empty((0, 3))
+    begin = max(max(tb[0], ta[0] - offset) for ta, _, tb, _ in pairs.values())
+    end = min(min(tb[-1], ta[-1] - offset) for ta, _, tb, _ in pairs.values())
+    count = min(WINDOWS, int((end - begin) / SHORTEST))
+    edges, out = np.linspace(begin, end, max(count, 0) + 1), []
+    for low, high in zip(edges, edges[1:]):
+        row = []
+        for name, (ta, a, tb, b) in pairs.items():
+            inside = (tb >= low) & (tb <= high)
+            if _swing(_bend(*_known(tb[inside], b[inside]))) < LEAST_SWING:
+                continue  # a ramp fits every offset, each with another bias
+            try:
+                one = time_offset(ta, a, tb[inside], b[inside], swing=LEAST_SWING,
+                                  limits=(offset - CLOSE, offset + CLOSE))
+            except AlignError:
+                continue
+            row.append((one.offset, math.hypot(one.sigma, late.get(name, 0.0))))
+        if row:
+            out.append((0.5 * (low + high), *np.median(row, axis=0)))
+    return np.array(out).reshape(-1, 3)
+
+
+def change(pairs: Pairs, offset: float, late: Mapping[str, float]) -> float:
+    """
+    Return the standard deviation of the offset within the flight, s; 0 if it does not change.
+
+    Parameters as of :func:`window_offsets`.
+
+    Raises
+    ------
+    AlignError
+        If it changes by more than ``CHANGE``, evenly or at once.
+
+    """
+    windows = window_offsets(pairs, offset, late)
+    if len(windows) < 2:
+        return 0.0
+    t, found, sigma = windows.T
+    low, high = int(found.argmin()), int(found.argmax())
+    if found[high] - found[low] < SURE * math.hypot(sigma[low], sigma[high]):
+        return 0.0
+    if len(t) >= LEAST_WINDOWS:
+        refuse_slope(t, found)
+        refuse_jump(t, found)
+    return float(found.std())
+
+
+def refuse_slope(t: Floats, offset: Floats) -> None:
+    """Raise AlignError if offsets, (n,) s at times (n,) s, change evenly."""
+    slope, start = np.polyfit(t, offset, 1)
+    rest = math.sqrt(float(np.sum((offset - start - slope * t) ** 2)) / (len(t) - 2))
+    if abs(slope) * float(np.ptp(t)) > max(CHANGE, DISTINCT * rest):
+        raise AlignError(_describe_rate(1.0 + slope))
+
+
+def _describe_rate(rate: float) -> str:
+    """Return what a clock is whose times have to be stretched by a rate, -."""
+    wrong = 100.0 * (1.0 / rate - 1.0)
+    return (f'the clock of the motion capture runs {abs(wrong):.2g} % too '
+            f'{"slow" if wrong < 0.0 else "fast"} for the flight: import it with the right frame '
+            'rate')
+
+
+def refuse_jump(t: Floats, offset: Floats) -> None:
+    """Raise AlignError if offsets, (n,) s at times (n,) s, have two levels."""
+    for k in range(1, len(t)):
+        for after in (k, k + 1):  # the jump may be within a window
+            first, second = offset[:k], offset[after:]
+            if len(second) == 0:
+                continue
+            rest = np.concatenate([first - first.mean(), second - second.mean()])
+            noise = math.sqrt(float(np.sum(rest ** 2)) / max(len(rest) - 2, 1))
+            if abs(first.mean() - second.mean()) > max(CHANGE, DISTINCT * noise):
+                raise AlignError(
+                    f'the clocks jump: the offset is {first.mean():+.3f} s until t = '
+                    f'{t[k - 1]:.1f} s of the motion capture and {second.mean():+.3f} s from '
+                    f'{t[after]:.1f} s on: cut the recordings between')
+
+
+def wrong_rate(pairs: Pairs) -> str:
+    """
+    Return in words by how much the clock of a motion capture runs too fast or slow; empty: not.
+
+    The rate must fit clearly better than that of the flight, and no half of the recording worse,
+    as it does where the clock jumps.
+
+    Parameters
+    ----------
+    pairs
+        {name: times [s] and rate of the flight, the same of the motion capture}, rad/s or m/s.
+        No offset is needed.
+
+    """
+    flown, seen = _on_grids(pairs)
+    seen = _busiest(seen)
+    fit, own = _scan(flown, seen)
+    shown = {name: seen[name] for name in seen if own[name] >= LEAST_QUALITY}
+    if not shown:
+        return ''
+    if len(shown) < len(seen):  # a signal that is mostly noise hides what the others show
+        fit, _ = _scan(flown, shown)
+    best, now = float(fit.max()), float(fit[RATES == 1.0][0])
+    rate = float(RATES[fit.argmax()])
+    span = min(max(len(one.values) for one in grids.values()) for grids in (flown, shown))
+    if best < LEAST_QUALITY or abs(rate - 1.0) <= max(FINEST, CHANGE / (span * RATE_STEP)) or (
+            1.0 - now ** 2 < RIVAL * (1.0 - best ** 2)):
+        return ''
+    for half in _halves(shown):
+        there, here = (_correlations(flown, half, each).mean(axis=0).max() for each in (rate, 1.0))
+        if here >= max(LEAST_QUALITY, there + UNEXPLAINED):
+            return ''
+    return _describe_rate(rate)
+
+
+def _on_grids(pairs: Pairs) -> tuple[dict[str, Grid], dict[str, Grid]]:
+    """Return the signals that move, of each recording on one even grid."""
+    moving = {name: one for name, one in (
+        (name, (*_known(*pair[:2]), *_known(*pair[2:]))) for name, pair in pairs.items())
+        if min(_swing(one[1]), _swing(one[3])) >= LEAST_SWING}
+    out: tuple[dict[str, Grid], dict[str, Grid]] = ({}, {})
+    for grids, k in zip(out, (0, 2)):
+        begin = min((one[k][0] for one in moving.values()), default=0.0)
+        end = max((one[k][-1] for one in moving.values()), default=0.0)
+        at = np.arange(begin, end, RATE_STEP)
+        for name, one in moving.items():
+            there = binary_erosion(~inside_gaps(one[k], at, GAP), iterations=round(
+                RATE_EDGE / RATE_STEP))
+            if there.any():
+                grids[name] = Grid(begin, RATE_STEP, gaussian_filter1d(np.interp(
+                    at, one[k], one[k + 1]), RATE_SMOOTH / RATE_STEP), there)
+    return out[0], {name: grid for name, grid in out[1].items() if name in out[0]}
+
+
+def _busiest(seen: dict[str, Grid]) -> dict[str, Grid]:
+    """Return the part of ``PART`` s with the most motion, in standard deviations."""
+    size = round(PART / RATE_STEP)
+    if max((len(one.values) for one in seen.values()), default=0) <= size:
+        return seen
+    moved = [np.where(one.there, one.values - one.values[one.there].mean(), 0.0)
+             for one in seen.values()]
+    power = np.cumsum(sum(x * x / (x @ x) for x in moved if x.any()))
+    begin = int(np.argmax(power[size:] - power[:-size])) + 1
+    return _cut(seen, begin, begin + size)
+
+
+def _halves(seen: dict[str, Grid]) -> list[dict[str, Grid]]:
+    count = max(len(one.values) for one in seen.values())
+    return [_cut(seen, 0, count // 2), _cut(seen, count // 2, count)]
+
+
+def _cut(seen: dict[str, Grid], begin: int, end: int) -> dict[str, Grid]:
+    return {name: Grid(one.start + begin * one.step, one.step, one.values[begin:end],
+                       one.there[begin:end]) for name, one in seen.items()}
+
+
+def _scan(
+    flown: dict[str, Grid], seen: dict[str, Grid],
+) -> tuple[Floats, dict[str, float]]:
+    """Return the best mean correlation at each of ``RATES``, and the best of each signal."""
+    fit, own = np.zeros(len(RATES)), np.zeros(len(seen))
+    for k, rate in enumerate(RATES):
+        r = _correlations(flown, seen, rate)
+        if r.size:
+            fit[k], own = r.mean(axis=0).max(), np.maximum(own, r.max(axis=1))
+    return fit, dict(zip(seen, own.tolist()))
+
+
+def _correlations(flown: dict[str, Grid], seen: dict[str, Grid], rate: float) -> Floats:
+    """Return the correlation of each signal, stretched by a rate, at all offsets, (n, lags)."""
+    out = []
+    for name, one in seen.items():
+        at = np.arange(0.0, len(one.values) - 1.0, 1.0 / rate)
+        stretched = Grid(one.start, one.step, np.interp(
+            at, np.arange(len(one.values)), one.values), one.there[np.round(at).astype(int)])
+        least = max(0.5 * min(stretched.there.sum(), flown[name].there.sum()), 2.0)
+        out.append(np.nan_to_num(masked_correlation(flown[name], stretched, least)[1]))
+    return np.array(out)
+
+
+def _known(times: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Return the finite samples in the order of time."""
+    good = np.isfinite(values) & np.isfinite(times)
+    order = np.argsort(times[good], kind='stable')
+    return times[good][order], values[good][order]
+
+
+def _bend(times: Floats, values: Floats) -> Floats:
+    """Return what is left of values, (n,) at times in s, without their straight line."""
+    if len(values) < 3:
+        return values[:0]
+    at = times - times.mean()
+    return values - values.mean() - at * (at @ values) / (at @ at)
+
+
+def _swing(values: Floats) -> float:
+    """Return the range of 99 % of the values; 0 of fewer than two."""
+    return float(np.ptp(np.percentile(values, [0.5, 99.5]))) if len(values) > 1 else 0.0

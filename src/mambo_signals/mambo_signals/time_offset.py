@@ -39,6 +39,7 @@ GRID = (1e-3, 0.02)  # [s] finest and coarsest step of the common grid
 MOST = 2_000_000  # points of that grid; with the coarsest step they last 11 hours
 GAP = 5.0  # [-] periods that are bridged: a sonar misses several echoes in a row
 LEAST_QUALITY = 0.6  # [-] smallest correlation of two signals of the same motion
+WORST = 0.05  # [s] largest standard error of an offset
 RIVAL = 1.3  # [-] unexplained variance of the second best lag over that of the best, at least
 UNEXPLAINED = 1e-3  # [-] share of the variance added to both in that comparison
 SETTLED_OFFSET = 1e-6  # [s] change of the offset at which the fit has converged
@@ -105,7 +106,7 @@ class Offset(NamedTuple):
     overlap: float
 
 
-class _Grid(NamedTuple):
+class Grid(NamedTuple):
     """A signal on an even grid; where ``there`` is False, the values bridge a gap."""
 
     start: float
@@ -133,20 +134,20 @@ def _backwards(t: Floats) -> float:
     return float(t[1:][np.diff(t) < 0.0][0])
 
 
-def _on_grid(t: Floats, v: Floats, step: float, smooth: float) -> _Grid:
+def _on_grid(t: Floats, v: Floats, step: float, smooth: float) -> Grid:
     """Interpolate to an even grid, mark gaps, and smooth with a Gaussian of ``smooth`` s."""
     count = int((t[-1] - t[0]) / step) + 1
     times = t[0] + step * np.arange(count)
     values = gaussian_filter1d(np.interp(times, t, v), smooth / step, mode='nearest')
-    return _Grid(float(t[0]), step, values, ~inside_gaps(t, times, GAP))
+    return Grid(float(t[0]), step, values, ~inside_gaps(t, times, GAP))
 
 
-def _correlation(a: _Grid, b: _Grid, least: float) -> tuple[Floats, Floats]:
+def masked_correlation(a: Grid, b: Grid, least: float) -> tuple[Floats, Floats]:
     """
     Return lags in grid steps, and the correlation at each lag over the common samples.
 
-    Lag k aligns sample j of b with sample j + k of a. The correlation is NaN for lags with fewer
-    than ``least`` common samples.
+    Both grids have the same step. Lag k aligns sample j of b with sample j + k of a. The
+    correlation is NaN for lags with fewer than ``least`` common samples.
     """
     n, m = len(a.values), len(b.values)
     size = next_fast_len(n + m - 1, real=True)
@@ -230,7 +231,7 @@ def _long_run_variance(scores: Floats, least_lag: int) -> float:
     return max(total, power / n)
 
 
-def _refined(a: _Grid, b: _Grid, lag: float, smooth: float) -> Offset:
+def _refined(a: Grid, b: Grid, lag: float, smooth: float) -> Offset:
     """Fit offset, bias and factor to the samples of a by the Gauss-Newton method."""
     times_a = a.start + a.step * np.arange(len(a.values))
     times_b = b.start + b.step * np.arange(len(b.values))
@@ -268,7 +269,7 @@ def _refined(a: _Grid, b: _Grid, lag: float, smooth: float) -> Offset:
 
 def time_offset(
     times_a: ArrayLike, a: ArrayLike, times_b: ArrayLike, b: ArrayLike, *,
-    limits: tuple[float, float] | None = None, overlap: float = 0.5, worst: float = 0.05,
+    limits: tuple[float, float] | None = None, overlap: float = 0.5, worst: float = WORST,
     swing: float = 0.0,
 ) -> Offset:
     """
@@ -318,16 +319,21 @@ def time_offset(
     smooth = max(step, *periods)
     grid_a, grid_b = _on_grid(ta, va, step, smooth), _on_grid(tb, vb, step, smooth)
     least = max(overlap * min(grid_a.there.sum(), grid_b.there.sum()), 8.0)
-    lags, r = _correlation(grid_a, grid_b, least)
+    lags, r = masked_correlation(grid_a, grid_b, least)
     best = _peak(lags, r, step, grid_a.start - grid_b.start, limits)
     found = _refined(grid_a, grid_b, float(lags[best]) * step, smooth)
     if found.factor <= 0.0 or found.quality < LEAST_QUALITY:
         raise AlignError('the signals are not correlated at any offset')
-    if not found.sigma <= worst:
-        raise AlignError(
-            f'the offset of {found.offset:.3f} s has a standard error of {found.sigma:.3f} s, '
-            f'above {worst:g} s: the signals do not determine it')
+    refuse_uncertain(found.offset, found.sigma, worst)
     return found
+
+
+def refuse_uncertain(offset: float, sigma: float, worst: float = WORST) -> None:
+    """Raise AlignError if the standard error of an offset, s, is above the largest accepted."""
+    if not sigma <= worst:
+        raise AlignError(
+            f'the offset of {offset:.3f} s has a standard error of {sigma:.3f} s, '
+            f'above {worst:g} s: the signals do not determine it')
 
 
 def offsets(

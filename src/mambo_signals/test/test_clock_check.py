@@ -1,6 +1,7 @@
 """Clocks that jump contradict the offset of a whole flight; noise, gaps and rest do not."""
 
 from mambo_signals import clock_check
+from mambo_signals.time_offset import AlignError
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
@@ -118,3 +119,160 @@ def test_a_climb_alone_is_enough_if_it_is_beyond_doubt(jump):
     said = clock_check.contradiction(climb, 0.0)
     assert ('the climb rate fits an offset of -1.0' in said) == bool(jump)
     assert len(clock_check.climb(T[:1], seen[:1])[0]) == 0
+
+
+T_WINDOWS = np.arange(10.0, 70.0, 10.0)  # s, middles of windows
+
+
+def scattered(offset, noise=3e-3):
+    """Return offsets of windows with an error of each, s."""
+    return offset + noise * np.random.default_rng(4).standard_normal(len(T_WINDOWS))
+
+
+@pytest.mark.parametrize('ppm', [0.0, 50.0, 500.0, -500.0])
+def test_crystals_that_differ_are_no_wrong_rate(ppm):
+    """The worst of cheap crystals is 100 ppm off: 6 ms in a minute."""
+    clock_check.refuse_slope(T_WINDOWS, scattered(0.4 + ppm * 1e-6 * T_WINDOWS))
+
+
+@pytest.mark.parametrize('rate, word', [(0.01, 'slow'), (-0.01, 'fast'), (0.004, 'slow')])
+def test_a_wrong_rate_is_told_with_its_size_and_sign(rate, word):
+    size = 100.0 * abs(1.0 / (1.0 + rate) - 1.0)
+    with pytest.raises(AlignError, match=f'runs {size:.2g} % too {word} for the flig'):
+        clock_check.refuse_slope(T_WINDOWS, scattered(rate * T_WINDOWS, noise=1e-4))
+
+
+@pytest.mark.parametrize('size', [0.15, -0.4])
+@pytest.mark.parametrize('after', [1, 3, 5])
+def test_a_jump_is_told_with_both_offsets(size, after):
+    offset = scattered(1.2 + size * (np.arange(6) >= after), noise=1e-3)
+    with pytest.raises(AlignError, match=r'the clocks jump: the offset is \+1\.\d+ s until') as e:
+        clock_check.refuse_jump(T_WINDOWS, offset)
+    before, later = (float(part.split(' s')[0]) for part in (
+        str(e.value).split('offset is ')[1], str(e.value).split(' and ')[1]))
+    assert later - before == pytest.approx(size, abs=0.01)
+
+
+@pytest.mark.parametrize('offset', [
+    np.zeros(6), scattered(0.3), scattered(0.3, noise=0.03), 0.3 + 0.01 * (np.arange(6) >= 3)])
+def test_offsets_that_scatter_are_no_jump(offset):
+    clock_check.refuse_jump(T_WINDOWS, offset)
+
+
+def test_a_window_that_met_a_jump_counts_to_neither_side():
+    offset = np.array([0.5, 0.5, 0.5, 0.61, 0.7, 0.7]) + 1e-4 * np.arange(6)
+    with pytest.raises(AlignError, match=r'until t = 30.0 s .* from 50.0 s on'):
+        clock_check.refuse_jump(T_WINDOWS, offset)
+
+
+def stretched(rate, **kwargs):
+    """Return rates of a flight and of a capture whose times are all multiplied by a rate."""
+    return {name: (t, a, rate * s + 7.0, b) for name, (t, a, s, b) in pairs(**kwargs).items()}
+
+
+@pytest.mark.parametrize('noise', [0.0, 0.5])
+@pytest.mark.parametrize('rate, said', [
+    (1.01, '1 % too fast'), (0.99, '0.99 % too slow'), (1.05, '5 % too fast'),
+    (1.2, '20 % too fast'), (100.0 / 120.0, '17 % too slow')])
+def test_a_wrong_rate_is_told_without_an_offset(rate, said, noise):
+    assert clock_check.wrong_rate(stretched(rate, noise=noise)) == (
+        f'the clock of the motion capture runs {said} for the flight: import it with the right '
+        'frame rate')
+
+
+@pytest.mark.parametrize('rate', [1.0, 1.0001, 0.999])
+@pytest.mark.parametrize('noise', [0.0, 0.5, 2.0, 20.0])
+def test_a_right_rate_is_not_told_whatever_the_noise(rate, noise):
+    assert clock_check.wrong_rate(stretched(rate, noise=noise)) == ''
+
+
+@pytest.mark.parametrize('jump', [0.15, -0.3, 0.6, 3.0])
+@pytest.mark.parametrize('at', [20.0, 30.0, 45.0])
+def test_a_jump_is_no_wrong_rate(jump, at):
+    """A rate fits better than none, but each side of the jump fits best without it."""
+    assert clock_check.wrong_rate(pairs(jump, at=at)) == ''
+
+
+def test_a_signal_of_noise_hides_no_wrong_rate():
+    rng, one = np.random.default_rng(9), stretched(1.02, names=('roll rate',))
+    for name in ('pitch rate', 'yaw rate', 'climb rate'):
+        one[name] = (T, rng.standard_normal(len(T)), 1.02 * T + 7.0, rng.standard_normal(len(T)))
+    assert '2 % too fast' in clock_check.wrong_rate(one)
+
+
+@pytest.mark.parametrize('rate', [1.0, 1.01])
+def test_the_ends_of_a_climb_of_which_a_part_is_missing_tell_no_rate(rate):
+    """Ranges below 0.15 m are not known, at take-off and landing; smoothing changes those ends."""
+    height = 0.6 * (np.tanh((T - 10.0) / 0.6) - np.tanh((T - 50.0) / 0.6))
+    low = height < 0.15
+    climb = {'climb rate': (*clock_check.climb(T[~low][::4], height[~low][::4]),
+                            *clock_check.climb(rate * T, height))}
+    assert bool(clock_check.wrong_rate(climb)) == (rate != 1.0)
+
+
+def test_rest_gaps_and_other_motions_have_no_rate():
+    assert clock_check.wrong_rate({}) == ''
+    assert clock_check.wrong_rate(stretched(1.02, scale=0.01)) == ''
+    empty = np.empty(0)
+    assert clock_check.wrong_rate({'roll rate': (empty, empty, T, T)}) == ''
+    other = {name: (t, a, s, rate(50 + k)[500:6500]) for k, (name, (t, a, s, _)) in enumerate(
+        pairs().items())}
+    assert clock_check.wrong_rate(other) == ''
+    one = stretched(1.02)
+    for name, (t, a, s, b) in one.items():
+        a[1000:1400] = np.nan
+        keep = (T < 40.0) | (T > 45.0)
+        one[name] = (t, a, s[keep], b[keep])
+    assert '2 % too fast' in clock_check.wrong_rate(one)
+
+
+def test_of_a_long_recording_the_part_that_moves_most_is_stretched():
+    rest = 20000
+    one = {}
+    for name, (t, a, _, b) in stretched(1.01).items():
+        still = np.zeros(rest)
+        times = 0.01 * np.arange(2 * rest + len(t))
+        one[name] = (times, np.concatenate([still, a, still]), 1.01 * times,
+                     np.concatenate([still, b, still]))
+    assert '1 % too fast' in clock_check.wrong_rate(one)
+
+
+@pytest.mark.parametrize('rate', [1.0, 1.0005, 0.999])
+def test_the_change_of_the_offset_is_that_of_a_drift(rate):
+    """Evenly over 60 s; the middles of six windows span 50 s of them."""
+    one = stretched(rate)
+    middle = 30.0 * (1.0 - rate) - 7.0
+    windows = clock_check.window_offsets(one, middle, {})
+    assert len(windows) == 6 and (windows[:, 2] < 2e-3).all()
+    np.testing.assert_allclose(windows[:, 1] - middle, (1.0 - rate) * np.linspace(
+        -25.0, 25.0, 6), atol=2e-3)
+    if abs(rate - 1.0) < 6e-4:
+        spread = abs(1.0 - rate) * np.linspace(-25.0, 25.0, 6).std()
+        assert clock_check.change(one, middle, {}) == pytest.approx(spread, abs=1e-3)
+        assert clock_check.change(one, middle, dict.fromkeys(one, 0.03)) == 0.0
+    else:
+        with pytest.raises(AlignError, match=r'runs 0.1 % too slow for the flight'):
+            clock_check.change(one, middle, {})
+
+
+def test_no_signals_and_a_short_flight_have_no_windows():
+    assert clock_check.window_offsets({}, 0.0, {}).shape == (0, 3)
+    short = {name: (t[:700], a[:700], s[:700], b[:700]) for name, (t, a, s, b) in pairs().items()}
+    assert clock_check.change(short, 0.0, {}) == 0.0
+
+
+def test_a_ramp_has_no_offset_of_its_own():
+    """It fits every offset with another bias."""
+    one = pairs(names=('roll rate',))
+    slow = 0.5 * T + 0.01 * np.sin(T)
+    windows = clock_check.window_offsets({'yaw rate': (T, slow, T, slow)}, 0.0, {})
+    assert len(windows) == 0
+    assert clock_check.change(one | {'yaw rate': (T, slow, T, slow)}, 0.0, {}) == 0.0
+
+
+def test_a_rate_of_a_few_seconds_counts_from_its_change_on():
+    """1 % of 4 s is 0.04 s, less than ``CHANGE``; 3 % is more."""
+    for rate, told in ((1.01, False), (1.03, True)):
+        short = {name: (t[:400], a[:400], rate * s[:400], b[:400])
+                 for name, (t, a, s, b) in pairs().items()}
+        assert bool(clock_check.wrong_rate(short)) == told

@@ -44,7 +44,8 @@ Motion capture
     zero, found by bringing the range onto z (:mod:`mambo_signals.time_offset`). The
     range is itself
     7 to 35 ms behind the gyro (it averages, and is passed on each 40 ms), and so is a pose stamped
-    that way: the standard error that is printed holds 30 ms for it. ``--mocap-offset gyro`` takes
+    that way: the standard error that is printed holds 30 ms for it, and the change of the offset
+    within the flight; above 50 ms the motion capture is refused. ``--mocap-offset gyro`` takes
     the gyro instead, as does a log without a usable range. Signals that give different clocks
     (:func:`mambo_signals.time_offset.most_precise`) are refused. NaN is marker loss: no pose; nor
     is there one where the tracker flips the body (:mod:`mambo_signals.outliers`).
@@ -52,12 +53,12 @@ Motion capture
 Contradictions
     A gyro that turns as the drone's own attitude says, but five times as much or more, or less, or
     with its axes in another order or sign, is refused; so is a motion capture that turns otherwise
-    than the gyro (:mod:`mambo_signals.gyro_check`), whose clock jumps within the flight
-    (:mod:`mambo_signals.clock_check`), whose height is along another axis than z by the range, or
-    whose path is the mirror image of the drone's. With ``--mocap-offset SECONDS`` such a motion
-    capture is taken as it is, with a line that says so. A scale of it that is wrong by a few
-    percent does not show: the range changes by 0.990 to 1.014 m for a metre of height in five
-    real flights. Beyond 5 % a line says so.
+    than the gyro (:mod:`mambo_signals.gyro_check`), whose clock jumps within the flight or runs
+    at a wrong rate (:mod:`mambo_signals.clock_check`), whose height is along another axis
+    than z by the range, or whose path is the mirror image of the drone's. With
+    ``--mocap-offset SECONDS`` such a motion capture is taken as it is, with a line that says so. A
+    scale of it that is wrong by a few percent does not show: the range changes by 0.990 to 1.014 m
+    for a metre of height in five real flights. Beyond 5 % a line says so.
 """
 
 from __future__ import annotations
@@ -77,7 +78,7 @@ from mambo_signals import clock_check, frozen, gyro_check, height_check, outlier
 from mambo_signals.derivative import body_rates
 from mambo_signals.resample import interpolate
 from mambo_signals.time_offset import (
-    AlignError, most_precise, Offset, offsets, RANGE_LATE, time_offset)
+    AlignError, most_precise, Offset, offsets, RANGE_LATE, refuse_uncertain, time_offset)
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
@@ -90,6 +91,7 @@ from .crazyflie_names import (
     FORMER, GOAL, GYRO, MOCAP, MOTORS, ODOMETRY, RATES, SAME_TURNING, USED)
 
 Floats = NDArray[np.float64]
+Pair = tuple[Floats, Floats, Floats, Floats]
 COUNTS_PER_RADIAN = 10.0 * 35.0 / 0.71674
 DATA_SHEET = 409.0  # counts per radian: 30 pixels over 4.2 deg
 FLOW_PERIOD = 0.01  # [s] over which a count is taken
@@ -361,25 +363,48 @@ def mocap_offset(log: Log) -> Offset:
         raise AlignError('there is no motion capture in the log')
     if not log.has('r'):
         raise AlignError('there is no range (ae483log.r) to align with')
-    t, r = log.drone['r']
-    if not (r > 0.0).any():
+    if not (log.drone['r'][1] > 0.0).any():
         raise AlignError('the range (ae483log.r) is never above 0')
+    return time_offset(*_heights(log))
+
+
+def _heights(log: Log) -> Pair:
+    """Return the new ranges above 0 and the heights of the motion capture, each with times."""
+    t, r = log.drone['r']
     new = new_samples(r)
     new = new[r[new] > 0.0]
-    return time_offset(t[new], r[new], log.mocap[:, 0], log.mocap[:, 3])
+    return t[new], r[new], log.mocap[:, 0], log.mocap[:, 3]
+
+
+def _turn_rates(log: Log) -> dict[str, Pair]:
+    """Return each axis of the gyro and of the motion capture's turning, rad/s, with times."""
+    if not log.has(*RATES):
+        return {}
+    times, rates = body_rates(log.mocap[:, 0], np.array(_attitude(log.mocap[:, 4:])))
+    return {name: (*log.drone[name], times, rates[:, axis]) for axis, name in enumerate(RATES)}
+
+
+def _moving(log: Log) -> dict[str, Pair]:
+    """Return the same, and the climb rate in m/s, while the motors run."""
+    out = _turn_rates(log)
+    if log.has('r'):
+        t, r, s, z = _heights(log)
+        out['climb rate'] = (*clock_check.climb(t, r), *clock_check.climb(s, z))
+    begin, end = _motors_run(log)
+    for name, (t, values, *rest) in out.items():
+        there = (t >= begin) & (t <= end)
+        out[name] = (t[there], values[there], *rest)
+    return out
 
 
 def _gyro_offsets(
     log: Log, limits: tuple[float, float] | None = None,
 ) -> tuple[dict[str, Offset], dict[str, AlignError]]:
     """Return the offset by each gyro axis, and the reason for axes without one, by name."""
-    names = ('w_x', 'w_y', 'w_z')
-    if not log.has(*names):
+    if not log.has(*RATES):
         return {}, {'gyro': AlignError(
             'there is no gyro (ae483log.w_x, w_y, w_z) to align with')}
-    times, rates = body_rates(log.mocap[:, 0], np.array(_attitude(log.mocap[:, 4:])))
-    return offsets({name: (*log.drone[name], times, rates[:, axis])
-                    for axis, name in enumerate(names)}, limits)
+    return offsets(_turn_rates(log), limits)
 
 
 def gyro_offset(log: Log, near: float | None = None) -> Offset:
@@ -571,22 +596,15 @@ def _refuse_unused(
 
 def _contradictions(log: Log, offset: float) -> list[str]:
     """Return what of the drone contradicts its motion capture with an offset, in words."""
-    times, out, moving = log.mocap[:, 0] + offset, [], {}
+    times, out = log.mocap[:, 0] + offset, []
     if log.has('r'):
         t, r = log.drone['r']
         position = interpolate(t, times, log.mocap[:, 1:4], 2.0 * GAP)
         both = np.isfinite(position).all(axis=1) & (r > 0.0)
         out.append(height_check.other_axis(r[both], position[both]))
-        new = new_samples(r)
-        new = new[r[new] > 0.0]
-        moving['climb rate'] = (*clock_check.climb(t[new], r[new]),
-                                *clock_check.climb(log.mocap[:, 0], log.mocap[:, 3]))
     if log.has('p_x', 'p_y'):
         out.append(plausible.mirrored(*_paths(log, offset)))
     if log.has(*RATES):
-        t, rates = body_rates(log.mocap[:, 0], np.array(_attitude(log.mocap[:, 4:])))
-        moving |= {name: (*log.drone[name], t, rates[:, axis])
-                   for axis, name in enumerate(RATES)}
         t = log.drone['w_x'][0]
         run = _motors_run(log)
         t = t[(t >= run[0]) & (t <= run[1])]
@@ -595,7 +613,7 @@ def _contradictions(log: Log, offset: float) -> list[str]:
                 t, log.at(t, 'w_x', 'w_y', 'w_z'), times, np.array(_attitude(log.mocap[:, 4:]))))
         except AlignError as error:
             out.append(str(error))
-    out.append(clock_check.contradiction(moving, offset))
+    out.append(clock_check.contradiction(_moving(log), offset))
     return [text for text in out if text]
 
 
@@ -640,6 +658,43 @@ def _aligned(path: Path, log: Log, asked: str) -> tuple[float | None, dict[str, 
     return found.offset, {
         'mocap_offset_s': found.offset, 'mocap_offset_sigma_s': found.sigma,
         'mocap_offset_correlation': found.quality, **details}
+
+
+def _checked(path: Path, log: Log, asked: str) -> tuple[float | None, dict[str, Any]]:
+    """Return the same if nothing of the drone contradicts it; a given offset with a remark."""
+    given = asked not in ('auto', 'gyro')
+    if asked == 'none' or not len(log.mocap):
+        return _aligned(path, log, asked)
+    rate = clock_check.wrong_rate(_moving(log))
+    if rate and not given:
+        raise BagError(f'{path}: {rate}, or give --mocap-offset SECONDS to take the motion '
+                       'capture as it is, or none to leave it out')
+    offset, details = _aligned(path, log, asked)
+    doubts = [text for text in (rate, *_contradictions(log, offset)) if text]
+    if doubts and not given:
+        raise BagError(f'{path}: {doubts[0]}; or give --mocap-offset {offset:.3f} to take the '
+                       'motion capture as it is, or none to leave it out')
+    if doubts:
+        details['mocap_taken_as_it_is'] = '; '.join(doubts)
+    if not given:
+        details['mocap_offset_sigma_s'] = _sigma(path, log, details)
+    return offset, details
+
+
+def _sigma(path: Path, log: Log, details: dict[str, Any]) -> float:
+    """Return the standard error of the offset, s, with its change within the flight."""
+    alike = [_turn_rates(log)]
+    if 'range_not_used' not in details:
+        alike.append({RANGE: _heights(log)})
+    offset, sigma = details['mocap_offset_s'], details['mocap_offset_sigma_s']
+    try:
+        sigma = math.hypot(sigma, max(clock_check.change(pairs, offset, {})
+                                      for pairs in alike))
+        refuse_uncertain(offset, sigma)
+    except AlignError as error:
+        raise BagError(f'{path}: {error}; give --mocap-offset SECONDS, or none to leave the '
+                       'motion capture out') from None
+    return sigma
 
 
 def _left_out(log: Log) -> list[str]:
@@ -692,13 +747,7 @@ def import_crazyflie(
     file = read_source(source)
     log = read_log(file)
     _refuse_unused(source, log, counts_per_radian, mocap, level, repeated_flow)
-    offset, details = _aligned(source, log, mocap)
-    doubts = [] if offset is None else _contradictions(log, offset)
-    if doubts and mocap in ('auto', 'gyro'):
-        raise BagError(f'{source}: {doubts[0]}; or give --mocap-offset {offset:.3f} to take the '
-                       'motion capture as it is, or none to leave it out')
-    if doubts:
-        details['mocap_taken_as_it_is'] = '; '.join(doubts)
+    offset, details = _checked(source, log, mocap)
     if offset is not None and (slip := slips.describe(
             'motion capture', log.mocap[:, 0] + offset, log.mocap[:, 1:4])):
         details['mocap_slip'] = slip[0]

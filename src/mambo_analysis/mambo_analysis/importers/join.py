@@ -5,15 +5,15 @@ Both recorded the same motion on two clocks. The offset of the clocks is found b
 body rates of the tracked attitude with the gyro, the tracked height with the sonar, the tracked
 pose with the drone's own. The signal with the smallest standard error gives the offset, if the
 others that determine one agree with it; signals that cannot determine it are listed. One offset
-must hold for the whole flight: it is found again in windows, and clocks that jump or run at
-different rates are refused (:mod:`mambo_signals.clock_check`, too). All of the flight is copied,
-and ``optitrack/pose`` of the other is added on the flight's clock, that of its stamps, and with
-log times as late as those of the flight. A tracked body that is turned about z is told.
+must hold for the whole flight: clocks that jump or run at different rates are refused, by the
+same signals stretched in time and in windows (:mod:`mambo_signals.clock_check`). All of the
+flight is copied, and ``optitrack/pose`` of the other is added on the flight's clock, that of its
+stamps, and with log times as late as those of the flight. A tracked body that is turned about z is
+told.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 import dataclasses
 import math
 from pathlib import Path
@@ -32,8 +32,8 @@ from mambo_ros import cdr
 from mambo_signals import clock_check, gyro_check, motion
 from mambo_signals.derivative import body_rates
 from mambo_signals.time_offset import (
-    AlignError, Floats, LEAST_SWING, most_precise, Offset, offsets, pose_offset, Poses, RANGE_LATE,
-    time_offset, unclipped_ranges)
+    AlignError, Floats, most_precise, offsets, pose_offset, Poses, RANGE_LATE, refuse_uncertain,
+    unclipped_ranges)
 import numpy as np
 
 from .checks import bag_doubts, plausible
@@ -46,18 +46,6 @@ OWN = ('onboard/odom', 'estimate/odom')
 """Poses of the drone itself."""
 LATE = {'height': RANGE_LATE, **dict.fromkeys(OWN, 0.1)}
 """Largest delay of signals behind the motion [s]: of ranges and of filtered values."""
-WINDOWS, SHORTEST = 6, 4.0
-"""Windows, at most, in which the offset is found again, and their least length [s]."""
-REACH = 0.5
-"""Largest difference of the offset of a window that is looked for [s]."""
-CHANGE = 0.05
-"""Change of the offset within a flight that is refused [s]. Crystals differ by 50 ppm: 0.03 s in
-ten minutes, longer than these batteries last."""
-SURE = 4.0
-"""Change over its standard error that counts: those of windows of a few seconds are rough."""
-CLEAR, LEAST_WINDOWS = 8.0, 4
-"""Change over the scatter of windows about a line or two levels that is refused, and how many
-windows tell a scatter. Those of a flight that hardly turns scatter more than their errors say."""
 HEIGHT = 1.25
 """Largest relative difference of range and tracked height [-]; beyond, the echo is wrong."""
 
@@ -115,6 +103,8 @@ def find_clock(bag: Bag, poses: Poses) -> Clock:
 
     """
     pairs = signals(bag, poses)
+    if said := clock_check.wrong_rate(_moving(bag, pairs)):
+        raise AlignError(f'{said}; or give --offset SECONDS')
     found, reasons = offsets(pairs)
     for name, one in list(found.items()):
         if not 1.0 / gyro_check.UNIT < one.factor < gyro_check.UNIT:
@@ -147,8 +137,15 @@ def find_clock(bag: Bag, poses: Poses) -> Clock:
         rates['climb rate'] = (*clock_check.climb(ta, a), *clock_check.climb(tb, b))
     if said := clock_check.contradiction(rates, offset.offset):
         raise AlignError(f'{said}; or give --offset SECONDS')
-    sigma = math.hypot(offset.sigma, _drift({name: pairs[name] for name in found if name in pairs
-                                             and LATE.get(name) == LATE.get(best)}, found))
+    alike = {name: pairs[name] for name in found
+             if name in pairs and LATE.get(name) == LATE.get(best)}
+    try:
+        sigma = offset.sigma
+        if changes := clock_check.change(alike, offset.offset, LATE):
+            sigma = math.hypot(sigma, changes)
+            refuse_uncertain(offset.offset, sigma)
+    except AlignError as error:
+        raise AlignError(f'{error}; or give --offset SECONDS') from None
     turning = None
     if 'imu/data_raw' in bag:
         gyro = bag['imu/data_raw']
@@ -161,6 +158,21 @@ def find_clock(bag: Bag, poses: Poses) -> Clock:
     return Clock(offset.offset, sigma, f'{best} of {", ".join(found)}',
                  tuple(f'{name}: {reason}' for name, reason in reasons.items()),
                  gyro_check.turned_body(turning))
+
+
+def _moving(
+    bag: Bag, pairs: dict[str, tuple[Floats, Floats, Floats, Floats]],
+) -> dict[str, tuple[Floats, Floats, Floats, Floats]]:
+    """Return the turn rates and the climb rate, rad/s and m/s, while the motors run."""
+    begin, end = _motors_run(bag)
+    out = {name: pairs[name] for name in RATES if name in pairs}
+    if 'height' in pairs:
+        ta, a, tb, b = pairs['height']
+        out['climb rate'] = (*clock_check.climb(ta, a), *clock_check.climb(tb, b))
+    for name, (t, values, *rest) in out.items():
+        there = (t >= begin) & (t <= end)
+        out[name] = (t[there], values[there], *rest)
+    return out
 
 
 def _span(bag: Bag) -> tuple[int, int, int]:
@@ -191,98 +203,6 @@ def _motors_run(bag: Bag) -> tuple[float, float]:
     return -math.inf, math.inf
 
 
-def _window_offsets(
-    pairs: Mapping[str, tuple[Floats, Floats, Floats, Floats]], found: Mapping[str, Offset],
-) -> Floats:
-    """
-    Return the offset in parts of the flight.
-
-    Parameters
-    ----------
-    pairs, found
-        Signals that are equally late, and their offsets over the whole flight.
-
-    Returns
-    -------
-    (k, 3) s
-        Middle of a window on the motion capture's clock, offset there (the median of the signals,
-        one of which may have met a wrong peak), its standard error; only windows with an offset.
-
-    """
-    begin = max(max(tb[0], ta[0] - found[name].offset) for name, (ta, _, tb, _) in pairs.items())
-    end = min(min(tb[-1], ta[-1] - found[name].offset) for name, (ta, _, tb, _) in pairs.items())
-    count = min(WINDOWS, int((end - begin) / SHORTEST))
-    edges, out = np.linspace(begin, end, max(count, 0) + 1), []
-    for low, high in zip(edges, edges[1:]):
-        row = []
-        for name, (ta, a, tb, b) in pairs.items():
-            inside, middle = (tb >= low) & (tb <= high), found[name].offset
-            try:
-                one = time_offset(ta, a, tb[inside], b[inside], swing=LEAST_SWING,
-                                  limits=(middle - REACH, middle + REACH))
-            except AlignError:
-                continue
-            row.append((one.offset, math.hypot(one.sigma, LATE.get(name, 0.0))))
-        if row:
-            out.append((0.5 * (low + high), *np.median(row, axis=0)))
-    return np.array(out).reshape(-1, 3)
-
-
-def _drift(
-    pairs: Mapping[str, tuple[Floats, Floats, Floats, Floats]], found: Mapping[str, Offset],
-) -> float:
-    """
-    Return the standard deviation of the offset within the flight, s; 0 if it does not change.
-
-    Parameters as of :func:`_window_offsets`.
-
-    Raises
-    ------
-    AlignError
-        If it changes by more than ``CHANGE``.
-
-    """
-    windows = _window_offsets(pairs, found) if pairs else np.empty((0, 3))
-    if len(windows) < 2:
-        return 0.0
-    t, offset, sigma = windows.T
-    low, high = int(offset.argmin()), int(offset.argmax())
-    if offset[high] - offset[low] < SURE * math.hypot(sigma[low], sigma[high]):
-        return 0.0
-    if len(t) >= LEAST_WINDOWS:
-        _refuse_rate(t, offset)
-        _refuse_jump(t, offset)
-    return float(offset.std())
-
-
-def _refuse_rate(t: Floats, offset: Floats) -> None:
-    """Raise AlignError if offsets, (n,) s at times (n,) s, change evenly."""
-    slope, start = np.polyfit(t, offset, 1)
-    rest = math.sqrt(float(np.sum((offset - start - slope * t) ** 2)) / (len(t) - 2))
-    change = abs(slope) * float(np.ptp(t))
-    if change > max(CHANGE, CLEAR * rest):
-        raise AlignError(
-            f'the clock of the motion capture runs {100.0 * abs(slope):.2g} % too '
-            f'{"slow" if slope > 0.0 else "fast"} for the flight: import it with the right frame '
-            'rate; or give --offset SECONDS')
-
-
-def _refuse_jump(t: Floats, offset: Floats) -> None:
-    """Raise AlignError if offsets, (n,) s at times (n,) s, have two levels."""
-    for k in range(1, len(t)):
-        for after in (k, k + 1):  # the jump may be within a window
-            first, second = offset[:k], offset[after:]
-            if len(second) == 0:
-                continue
-            rest = np.concatenate([first - first.mean(), second - second.mean()])
-            noise = math.sqrt(float(np.sum(rest ** 2)) / max(len(rest) - 2, 1))
-            if abs(first.mean() - second.mean()) > max(CHANGE, CLEAR * noise):
-                raise AlignError(
-                    f'the clocks jump: the offset is {first.mean():+.3f} s until t = '
-                    f'{t[k - 1]:.1f} s of the motion capture and {second.mean():+.3f} s from '
-                    f'{t[after]:.1f} s on: cut the recordings between; or give --offset SECONDS')
-
-
 def _check_path(path: Path, own: motion.Motion, tracked: motion.Motion, shift: int) -> str:
     """
     Return a line, or '', on a capture, so many ns late, with another scale than the drone's path.
@@ -309,7 +229,7 @@ def _check_given(offset: float, bag: Bag, tracked: motion.Motion) -> tuple[str, 
     except AlignError as error:  # which may be why one is given
         reason = re.split(_ADVICE, str(error))[0]
         return f'nothing confirms the given offset: {reason}', ''
-    if abs(offset - found.offset) <= max(CHANGE, CLEAR * found.sigma):
+    if abs(offset - found.offset) <= max(clock_check.CHANGE, clock_check.DISTINCT * found.sigma):
         return '', found.doubt
     return (f'by {found.source} the offset is {found.offset:+.3f} s, not the given '
             f'{offset:+.3f} s: leave --offset out to take it'), found.doubt

@@ -4,6 +4,7 @@ import functools
 import hashlib
 import json
 from pathlib import Path
+import re
 
 from hypothesis import given, settings, strategies as st
 from mambo_analysis.importers.common import read_source
@@ -732,6 +733,55 @@ def test_the_range_is_behind_the_gyro_of_the_real_flights(path):
     behind = by_range.offset - gyro_offset(log, by_range.offset).offset
     # the range's new value comes each 40 ms and was measured before that: 10 to 25 ms are found
     assert 0.005 < behind < 0.035
+
+
+def rescaled(path, folder, rate):
+    """Return a copy of a log in which the clock of the motion capture runs at a rate."""
+    log = json.loads(path.read_text())
+    t = np.array(log['mocap']['time'])
+    log['mocap']['time'] = (t[0] + rate * (t - t[0])).tolist()
+    return save(folder / f'{rate}.json', log)
+
+
+@needs_data
+@pytest.mark.parametrize('path', FLIGHTS, ids=lambda path: path.stem)
+@pytest.mark.parametrize('rate', [1.02, 0.95, 100.0 / 120.0])
+def test_a_motion_capture_with_a_wrong_frame_rate_is_refused(path, tmp_path, capsys, rate):
+    source = rescaled(path, tmp_path, rate)
+    assert main([str(source), str(tmp_path / 'bag')]) == 2
+    error = capsys.readouterr().err
+    said = re.search(r'the clock of the motion capture runs ([\d.]+) % too (slow|fast) for the '
+                     r'flight: import it with the right frame rate, or give --mocap-offset', error)
+    assert said[2] == ('fast' if rate > 1.0 else 'slow') and error.count('\n') == 1
+    # the grid of rates, and the clock of one of the drones, which runs 0.4 % off
+    assert float(said[1]) == pytest.approx(100.0 * abs(rate - 1.0), abs=0.7)
+    assert not (tmp_path / 'bag').exists()
+
+
+@needs_data
+def test_a_given_offset_takes_a_wrong_frame_rate_and_says_so(tmp_path, capsys):
+    source = rescaled(FLIGHTS[0], tmp_path, 1.02)
+    log = read_log(read_source(FLIGHTS[0]))
+    offset = mocap_offset(log).offset
+    assert main([str(source), str(tmp_path / 'bag'), '--mocap-offset', f'{offset:.3f}']) == 0
+    assert re.search('mocap_taken_as_it_is: the clock of the motion capture runs 2 % too fast',
+                     capsys.readouterr().out)
+
+
+@needs_data
+def test_an_offset_that_changes_within_the_flight_is_less_certain(tmp_path, capsys):
+    """By 0.3 %; by 1 %, less the 0.4 % that the drone's own clock is off, it is refused."""
+    path = next(path for path in FLIGHTS if 'lab02' in path.stem)
+    sigma = []
+    for rate in (1.0, 1.003):
+        _, record = import_crazyflie(
+            rescaled(path, tmp_path, rate), tmp_path / f'{rate}')
+        sigma.append(float(record['mocap_offset_sigma_s']))
+    # 0.06 s in 20 s: a standard deviation of 0.017 s if it were even, 0.026 of the two windows
+    assert 0.01 < np.sqrt(sigma[1] ** 2 - sigma[0] ** 2) < 0.03
+    path = next(path for path in FLIGHTS if 'lab08' in path.stem)
+    refuse(rescaled(path, tmp_path, 1.01), tmp_path, capsys,
+           'has a standard error of 0.055 s, above 0.05 s')
 
 
 @needs_data

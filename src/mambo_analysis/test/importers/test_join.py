@@ -391,9 +391,6 @@ def test_a_body_that_is_turned_a_little_is_told(degrees):
     assert not found or float(found[1]) == pytest.approx(degrees, abs=3.0)
 
 
-T_WINDOWS = np.arange(10.0, 70.0, 10.0)  # s, middles of windows
-
-
 def test_a_gyro_that_turns_after_the_motors_stop_is_no_contradiction():
     """A drone that is carried away, as on a public flight of a Crazyflie."""
     bag, poses = recorded_apart(6, 2.0)
@@ -405,46 +402,6 @@ def test_a_gyro_that_turns_after_the_motors_stop_is_no_contradiction():
     pwm = np.where(np.arange(0.0, 20.0, 0.1)[:, None] < 17.0, 100.0, np.zeros(4))
     bag['motor_pwm'] = SimpleNamespace(t=np.arange(0.0, 20.0, 0.1), pwm=pwm)
     assert join.find_clock(bag, poses).offset == pytest.approx(2.0, abs=0.01)
-
-
-def scattered(offset, noise=3e-3):
-    """Return offsets of windows with an error of each, s."""
-    return offset + noise * np.random.default_rng(4).standard_normal(len(T_WINDOWS))
-
-
-@pytest.mark.parametrize('ppm', [0.0, 50.0, 500.0, -500.0])
-def test_crystals_that_differ_are_no_wrong_rate(ppm):
-    """The worst of cheap crystals is 100 ppm off: 6 ms in a minute."""
-    join._refuse_rate(T_WINDOWS, scattered(0.4 + ppm * 1e-6 * T_WINDOWS))
-
-
-@pytest.mark.parametrize('rate, word', [(0.01, 'slow'), (-0.01, 'fast'), (0.004, 'slow')])
-def test_a_wrong_rate_is_told_with_its_size_and_sign(rate, word):
-    with pytest.raises(AlignError, match=f'runs {100 * abs(rate):.2g} % too {word} for the flig'):
-        join._refuse_rate(T_WINDOWS, scattered(rate * T_WINDOWS, noise=1e-4))
-
-
-@pytest.mark.parametrize('size', [0.15, -0.4])
-@pytest.mark.parametrize('after', [1, 3, 5])
-def test_a_jump_is_told_with_both_offsets(size, after):
-    offset = scattered(1.2 + size * (np.arange(6) >= after), noise=1e-3)
-    with pytest.raises(AlignError, match=r'the clocks jump: the offset is \+1\.\d+ s until') as e:
-        join._refuse_jump(T_WINDOWS, offset)
-    before, later = (float(part.split(' s')[0]) for part in (
-        str(e.value).split('offset is ')[1], str(e.value).split(' and ')[1]))
-    assert later - before == pytest.approx(size, abs=0.01)
-
-
-@pytest.mark.parametrize('offset', [
-    np.zeros(6), scattered(0.3), scattered(0.3, noise=0.03), 0.3 + 0.01 * (np.arange(6) >= 3)])
-def test_offsets_that_scatter_are_no_jump(offset):
-    join._refuse_jump(T_WINDOWS, offset)
-
-
-def test_a_window_that_met_a_jump_counts_to_neither_side():
-    offset = np.array([0.5, 0.5, 0.5, 0.61, 0.7, 0.7]) + 1e-4 * np.arange(6)
-    with pytest.raises(AlignError, match=r'until t = 30.0 s .* from 50.0 s on'):
-        join._refuse_jump(T_WINDOWS, offset)
 
 
 @pytest.mark.parametrize('change', [[1.0, -1.0, 1.0], [-1.0, 1.0, 1.0], None])
