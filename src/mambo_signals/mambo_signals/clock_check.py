@@ -282,14 +282,26 @@ def wrong_rate(pairs: Pairs) -> str:
     """
     Return in words by how much the clock of a motion capture runs too fast or slow; empty: not.
 
-    The rate must fit clearly better than that of the flight, and no half of the recording worse,
-    as it does where the clock jumps.
+    Parameters as of :func:`best_rate`.
+    """
+    rate = best_rate(pairs)
+    return _describe_rate(rate) if rate != 1.0 else ''
+
+
+def best_rate(pairs: Pairs, clearly: float = RIVAL) -> float:
+    """
+    Return by what the times of the second recording are multiplied to fit the first, -.
+
+    It is 1 unless another of ``RATES`` fits clearly better, and no half of the recording worse, as
+    it does where the clock jumps.
 
     Parameters
     ----------
     pairs
-        {name: times [s] and rate of the flight, the same of the motion capture}, rad/s or m/s.
+        {name: times [s] and values of the first, the same of the second}; rates in rad/s or m/s.
         No offset is needed.
+    clearly
+        Least ratio of the variance that is not explained without to that with the rate.
 
     """
     flown, seen = _on_grids(pairs)
@@ -297,20 +309,20 @@ def wrong_rate(pairs: Pairs) -> str:
     fit, own = _scan(flown, seen)
     shown = {name: seen[name] for name in seen if own[name] >= LEAST_QUALITY}
     if not shown:
-        return ''
+        return 1.0
     if len(shown) < len(seen):  # a signal that is mostly noise hides what the others show
         fit, _ = _scan(flown, shown)
     best, now = float(fit.max()), float(fit[RATES == 1.0][0])
     rate = float(RATES[fit.argmax()])
     span = min(max(len(one.values) for one in grids.values()) for grids in (flown, shown))
     if best < LEAST_QUALITY or abs(rate - 1.0) <= max(FINEST, CHANGE / (span * RATE_STEP)) or (
-            1.0 - now ** 2 < RIVAL * (1.0 - best ** 2)):
-        return ''
+            1.0 - now ** 2 < clearly * (1.0 - best ** 2)):
+        return 1.0
     for half in _halves(shown):
         there, here = (_correlations(flown, half, each).mean(axis=0).max() for each in (rate, 1.0))
         if here >= max(LEAST_QUALITY, there + UNEXPLAINED):
-            return ''
-    return _describe_rate(rate)
+            return 1.0
+    return rate
 
 
 def _on_grids(pairs: Pairs) -> tuple[dict[str, Grid], dict[str, Grid]]:

@@ -8,7 +8,7 @@ import math
 from typing import Any, NamedTuple
 
 from mambo_bags.reader import Bag, BagError
-from mambo_signals import metrics, motion, outliers, resample, time_offset
+from mambo_signals import clock_check, metrics, motion, outliers, resample, time_offset
 from mambo_signals.flight_phases import Phases
 from mambo_signals.motion import Motion
 from mambo_signals.resample import Floats, Ints
@@ -22,6 +22,11 @@ GRID = 10_000_000  # [ns] sample period for the search of a delay
 LEAST = 10  # samples for statistics: the RMS of so few is known to 1 / sqrt(2 n), 22 %
 ROUGH_YAW = 0.1  # [rad] largest standard error of a yaw by the paths where no attitude is measured
 OTHER = math.radians(10.0)  # [rad] between turns by paths and by attitudes, which is told
+MOST = 4.0
+"""Unexplained variance of climb rate, speed and yaw rate without a rate of the clocks over that
+with it, at least, for a rate that is told [-]. It is 5.7 to 270 for two simulated flights of one
+trajectory, of which one has a clock that is 1 % off, and up to 2.5 for 384 pairs of real and
+simulated flights on right clocks."""
 ROUNDING = 1e-6  # [-] of the components of a quaternion whose axes were turned
 
 
@@ -70,10 +75,12 @@ def aligned(
             offset = round(found.offset * 1e9)
             parts.append(f'clock moved by {found.offset:+.4f} s (standard error '
                          f'{found.sigma * 1e3:.1f} ms)')
+            parts += _other_rate(a, b)
         except time_offset.NotExcited as error:
             parts.append(f'clocks taken as they are, as no motion tells their offset ({error})')
         except time_offset.AlignError as error:
-            raise BagError(f'{error}; take time out of --align to keep the clocks as they are') \
+            why = '; '.join([str(error), *_other_rate(a, b)])
+            raise BagError(f'{why}; take time out of --align to keep the clocks as they are') \
                 from None
     here = a.moved(offset, 0.0, np.zeros(3))
     there = b.at(here.stamps)
@@ -94,6 +101,22 @@ def aligned(
         parts.append(f'moved by {_metres(shift)}, positions equal on average')
     return Alignment(offset, turn, (float(shift[0]), float(shift[1]), float(shift[2])),
                      f'A aligned with B: {"; ".join(parts)}' if parts else Alignment().text)
+
+
+def _other_rate(a: Motion, b: Motion) -> list[str]:
+    """Return a line if most of the difference in time of A and B is a rate of their clocks."""
+    signals = []
+    for one in (b, a):
+        found = time_offset.pose_signals(one)
+        signals.append(found | {'height': clock_check.climb(*found['height'])})
+    rate = clock_check.best_rate({name: (*signals[0][name], *signals[1][name])
+                                  for name in signals[0] if name in signals[1]}, MOST)
+    if rate == 1.0:
+        return []
+    slow = rate > 1.0
+    return [f'the clock of A runs {100.0 * abs(1.0 / rate - 1.0):.2g} % too '
+            f'{"slow" if slow else "fast"} for B, or A flew that much '
+            f'{"faster" if slow else "slower"}: correct its times, or the errors contain that']
 
 
 def simulated(bag: Bag) -> bool:

@@ -1,6 +1,7 @@
 """Two bags of one motion: known offsets, turns and delays come out, and what lacks is said."""
 
 import csv
+import dataclasses
 import json
 import math
 
@@ -13,6 +14,7 @@ from mambo_signals import metrics, motion
 from mambo_signals.flight_phases import detect_phases, Phases
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 from synthetic import LANDING, make_flight, Maker, STEP, truth_position
 
@@ -389,3 +391,24 @@ def test_a_small_difference_is_no_staircase_on_the_page(flights):
     shown = report._figure_data(figure)['panels'][0]['lines'][0]
     drawn = {y for y in shown['y'] if y is not None}
     assert np.diff(sorted(drawn)).min() < 5e-5  # m, not in steps of 0.1 mm
+
+
+@pytest.mark.parametrize('rate, said', [
+    (1.01, '1 % too fast for B, or A flew that much slower'),
+    (0.99, '0.99 % too slow for B, or A flew that much faster'), (1.0, None), (0.999, None)])
+def test_a_clock_that_runs_at_another_rate_is_told(rate, said):
+    """Of 20 s of a path without repetition, which both measure with errors of 1 mm."""
+    t, rng = np.arange(0.0, 20.0, 0.01), np.random.default_rng(3)
+    path = gaussian_filter1d(rng.standard_normal((len(t), 3)), 40.0, axis=0)
+    path = 0.5 * path / path.std(axis=0)
+    q = np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1))
+    a, b = (motion.Motion(name, np.round(1e9 * times).astype(np.int64),
+                          path + 1e-3 * rng.standard_normal(path.shape), q)
+            for name, times in (('a', 5.0 + rate * t), ('b', t)))
+    text = pair.aligned(a, b, ('time',)).text
+    assert ('the clock of A runs' in text) == bool(said) and (said or '') in text
+    if rate != 1.01:
+        return
+    a = dataclasses.replace(a, stamps=np.round(1.06 / rate * a.stamps).astype(np.int64))
+    with pytest.raises(BagError, match='the clock of A runs 5.8 % too fast for B.*; take time out'):
+        pair.aligned(a, b, ('time',))
