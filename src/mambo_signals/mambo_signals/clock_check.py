@@ -288,7 +288,7 @@ def wrong_rate(pairs: Pairs) -> str:
     return _describe_rate(rate) if rate != 1.0 else ''
 
 
-def best_rate(pairs: Pairs, clearly: float = RIVAL) -> float:
+def best_rate(pairs: Pairs, clearly: float = RIVAL, least: int = 1) -> float:
     """
     Return by what the times of the second recording are multiplied to fit the first, -.
 
@@ -302,13 +302,15 @@ def best_rate(pairs: Pairs, clearly: float = RIVAL) -> float:
         No offset is needed.
     clearly
         Least ratio of the variance that is not explained without to that with the rate.
+    least
+        Least number of signals that are alike in both at some rate.
 
     """
     flown, seen = _on_grids(pairs)
     seen = _busiest(seen)
     fit, own = _scan(flown, seen)
     shown = {name: seen[name] for name in seen if own[name] >= LEAST_QUALITY}
-    if not shown:
+    if len(shown) < least:
         return 1.0
     if len(shown) < len(seen):  # a signal that is mostly noise hides what the others show
         fit, _ = _scan(flown, shown)

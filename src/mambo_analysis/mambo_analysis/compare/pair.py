@@ -24,9 +24,12 @@ ROUGH_YAW = 0.1  # [rad] largest standard error of a yaw by the paths where no a
 OTHER = math.radians(10.0)  # [rad] between turns by paths and by attitudes, which is told
 MOST = 4.0
 """Unexplained variance of climb rate, speed and yaw rate without a rate of the clocks over that
-with it, at least, for a rate that is told [-]. It is 5.7 to 270 for two simulated flights of one
-trajectory, of which one has a clock that is 1 % off, and up to 2.5 for 384 pairs of real and
+with it, at least, for a rate that is told [-]. It is 5.7 to 113 for two simulated flights of one
+trajectory, of which one has a clock that is 1 % off, and up to 2.5 for 475 pairs of real and
 simulated flights on right clocks."""
+LEAST_ALIKE = 2
+"""Of these signals, how many must be alike: the climb rates of take-off and landing alone, in
+flights of other lengths, fit with a rate, too (8.8 of a hover against a circle)."""
 ROUNDING = 1e-6  # [-] of the components of a quaternion whose axes were turned
 
 
@@ -110,7 +113,7 @@ def _other_rate(a: Motion, b: Motion) -> list[str]:
         found = time_offset.pose_signals(one)
         signals.append(found | {'height': clock_check.climb(*found['height'])})
     rate = clock_check.best_rate({name: (*signals[0][name], *signals[1][name])
-                                  for name in signals[0] if name in signals[1]}, MOST)
+                                  for name in signals[0] if name in signals[1]}, MOST, LEAST_ALIKE)
     if rate == 1.0:
         return []
     slow = rate > 1.0

@@ -410,5 +410,5 @@ def test_a_clock_that_runs_at_another_rate_is_told(rate, said):
     if rate != 1.01:
         return
     a = dataclasses.replace(a, stamps=np.round(1.06 / rate * a.stamps).astype(np.int64))
-    with pytest.raises(BagError, match='the clock of A runs 5.8 % too fast for B.*; take time out'):
+    with pytest.raises(BagError, match='the clock of A runs 5.8 % too fast for B.*; take time'):
         pair.aligned(a, b, ('time',))
