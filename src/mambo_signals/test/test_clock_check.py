@@ -276,3 +276,25 @@ def test_a_rate_of_a_few_seconds_counts_from_its_change_on():
         short = {name: (t[:400], a[:400], rate * s[:400], b[:400])
                  for name, (t, a, s, b) in pairs().items()}
         assert bool(clock_check.wrong_rate(short)) == told
+
+
+@pytest.mark.parametrize('names, least, found', [
+    (('roll rate',), 1, 0.98), (('roll rate',), 2, 1.0), (('roll rate', 'pitch rate'), 2, 0.98)])
+def test_so_many_signals_must_show_a_rate(names, least, found):
+    rate = clock_check.best_rate(stretched(1.02, names=names), least=least)
+    assert rate == pytest.approx(found, abs=1e-9)
+
+
+def test_a_rate_must_fit_as_clearly_as_is_asked():
+    """With a noise as large as half of the signal a rate explains less of it."""
+    one = stretched(1.02, noise=0.5)
+    assert clock_check.best_rate(one, 2.0) == pytest.approx(0.98, abs=1e-9)
+    assert clock_check.best_rate(one, 1e3) == 1.0
+
+
+def test_what_a_line_leaves_of_values():
+    bend = np.sin(T)
+    np.testing.assert_allclose(
+        clock_check._bend(T, bend + 3.0 * T - 2.0), clock_check._bend(T, bend), atol=1e-9)
+    assert np.abs(clock_check._bend(T, 3.0 * T - 2.0)).max() < 1e-9
+    assert len(clock_check._bend(T[:2], T[:2])) == 0

@@ -385,6 +385,10 @@ def test_an_offset_that_is_too_uncertain_is_refused():
     with pytest.raises(AlignError, match='standard error of .* above'):
         time_offset(*signals, worst=0.9 * sigma)
     assert time_offset(*signals, worst=1.1 * sigma).sigma == sigma
+    align.refuse_uncertain(2.0, 0.049)
+    for unknown in (0.051, np.nan, np.inf):
+        with pytest.raises(AlignError, match='the offset of 2.000 s has a standard error of .* s'):
+            align.refuse_uncertain(2.0, unknown)
 
 
 def test_the_overlap_is_what_both_have():
