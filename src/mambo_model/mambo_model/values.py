@@ -66,7 +66,7 @@ def values_type(params_type: type, name: str = 'Values', only: tuple[str, ...] =
     Its fields are the parameters in order, except for text and those that a :func:`derived` value
     replaces, followed by the derived values. A :func:`choice` becomes its index and a group a
     NamedTuple. The docstring of a field holds its unit and source. The type is stored as an
-    attribute of the dataclass, so that it can be pickled.
+    attribute of the dataclass, so that it can be pickled, and has the dataclass as ``made_from``.
 
     Parameters
     ----------
@@ -100,6 +100,7 @@ def values_type(params_type: type, name: str = 'Values', only: tuple[str, ...] =
     for key, method in methods.items():
         unit, about = method.derived[0], (method.__doc__ or '').strip().partition('\n')[0]
         getattr(out, key).__doc__ = f'[{unit}] {about}' if unit else about
+    out.made_from = params_type  # type: ignore[attr-defined]
     setattr(params_type, name, out)
     return out
 

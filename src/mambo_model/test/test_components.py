@@ -75,6 +75,20 @@ def test_a_file_is_a_component(registry, write):
     assert found.sha256 == digest(found.path) and len(found.sha256) == 64
 
 
+def test_a_compiled_file_that_has_not_changed_is_compiled_once(registry, write):
+    text = GOOD.replace('\ndef ', '\n@jit\ndef ')
+    text = text.replace('\n@dataclass', '\nfrom mambo_model.compiled import jit\n@dataclass')
+    one = registry.find(write(text))
+    assert one.compiled and one.params(gain=4.0).values().gain == 4.0  # it is used
+    components.look_again()
+    two = registry.find(write(text))
+    assert two.step is one.step and two.params is one.params
+    components.look_again()
+    other = registry.find(write(text.replace('gain: float = quantity(2.0', 'gain: float = '
+                                             'quantity(3.0')))
+    assert other.step is not one.step and other.params().values().gain == 3.0
+
+
 def test_a_name_in_a_file_is_one_too(registry, write):
     assert registry.find(f'{write(GOOD)}:Other').name == 'Other'
     with pytest.raises(schema.ParameterError, match=r'mine.py: has no Third$'):

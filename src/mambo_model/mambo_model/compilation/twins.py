@@ -79,8 +79,13 @@ class _Comparison:
         """Return whether two classes are the same, or those of one place in the source."""
         own = (a.__module__.startswith(self.names[0]), b.__module__.startswith(self.names[1]))
         return a is b or own == (True, True) and a.__qualname__ == b.__qualname__ and (
-            self.alike(a.__bases__, b.__bases__)
-            and self.alike(_without(vars(a), _OF_CLASSES), _without(vars(b), _OF_CLASSES)))
+            self.alike(a.__bases__, b.__bases__) and self.alike(_members(a), _members(b)))
+
+
+def _members(kind: type) -> dict[str, Any]:
+    """Return the members of a class without those that Python adds, or its first use."""
+    return {name: value for name, value in _without(vars(kind), _OF_CLASSES).items()
+            if getattr(value, 'made_from', None) is not kind}  # of mambo_model.values
 
 
 def _without(members: Any, names: set[str]) -> dict[str, Any]:
