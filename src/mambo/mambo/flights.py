@@ -16,9 +16,9 @@ from mambo_analysis.compare import figures
 from mambo_bags.reader import Bag, read_bag
 from mambo_control.controllers import REGISTRY as CONTROLLERS
 from mambo_estimation.filters import REGISTRY as ESTIMATORS
-from mambo_flight import recording_to_bag, scenario_file, supervised, unused
+from mambo_flight import flight_options, recording_to_bag, scenario_file, supervised, unused
 from mambo_flight.closed_loop import Recording
-from mambo_flight.course import course_warnings, function_course
+from mambo_flight.course import function_course
 from mambo_flight.fly import failure as failure_of
 from mambo_flight.scenario import override, Scenario
 from mambo_flight.scenario_file import Place
@@ -159,7 +159,8 @@ def fly(
     """
     Fly in one process, with the numbers of the graph in lockstep, and return the flight.
 
-    Before the flight one UserWarning names what the vehicle cannot fly of a course.
+    Before the flight one UserWarning names what the vehicle cannot fly, and which changes, faults
+    and commands have no effect.
 
     Parameters
     ----------
@@ -227,8 +228,7 @@ def fly(
         **dict.fromkeys(values, 'parameters')})
     if not chosen.sim_node.duration > 0.0:
         raise InputError(f'{name}: sim_node.duration must be more than 0 s')
-    reference = chosen.reference_node
-    if lines := list(course_warnings.describe(reference.plan, reference.vehicle)):
+    if lines := [*flight_options.idle(chosen), *flight_options.impossible(chosen)]:
         warnings.warn('\n'.join(lines), stacklevel=2)
     recording, fault = supervised.fly(chosen, inner=True)
     return Flight(name, chosen, recording, fault)

@@ -82,6 +82,18 @@ def test_a_course_that_cannot_be_flown_is_one_warning_at_the_line_of_the_call(mo
     assert str(found[0].message).endswith(' slows it')
 
 
+def test_a_vehicle_too_heavy_and_a_fault_after_the_end_are_one_warning(monkeypatch):
+    monkeypatch.setattr(flights.supervised, 'fly', lambda *_, **__: (None, ''))
+    late = {'kind': 'stuck', 'start': 9.0, 'duration': 1.0}
+    with pytest.warns(UserWarning) as found:
+        mambo.fly(trajectory='hover', duration=3.0, landing=False, parameters={
+            'sim_node.simulator.vehicle.mass': 0.2, **{
+                f'sim_node.simulator.faults.sonar.{name}': value for name, value in late.items()}})
+    faults, heavy = str(found[0].message).split('\n')
+    assert 'sonar never happens: it begins at 9 s, and the flight ends at 3 s' in faults
+    assert heavy.startswith('the vehicle cannot lift its weight')
+
+
 def test_parameters_are_applied_last(flight):
     other = mambo.fly(flight.scenario, parameters={'sim_node.simulator.vehicle.mass': 0.07})
     assert other.scenario.sim_node.simulator.vehicle.mass == 0.07

@@ -214,6 +214,21 @@ def applied(flight: Scenario, options: argparse.Namespace) -> Scenario:
     return scenarios.override(flight, slower)
 
 
+def idle(flight: Scenario) -> Iterator[str]:
+    """Yield what of a flight has no effect, one line each: changes, faults and commands."""
+    yield from changes.late(flight)
+    yield from changes.idle_faults(flight)
+    yield from commanded.late(flight)
+
+
+def impossible(flight: Scenario, stretch: bool = False) -> Iterator[str]:
+    """Yield what the vehicle cannot fly, one line each, with ``--stretch`` as a remedy or not."""
+    simulator, reference = flight.sim_node.simulator, flight.reference_node
+    if not simulator.hand.enabled and (heavy := feasibility.too_heavy(simulator.vehicle)):
+        yield heavy
+    yield from course_warnings.describe(reference.plan, reference.vehicle, stretch)
+
+
 def remarks(
     flight: Scenario, stretch: str | None = None, trajectory: str | None = None,
 ) -> Iterator[str]:
@@ -232,15 +247,10 @@ def remarks(
         yield (f'stretched: flown at {flight.reference_node.plan.scale_rate:.4f} of its speed, '
                f'{flight.sim_node.duration:g} s in all')
     yield from component_remarks(flight)
-    yield from changes.late(flight)
-    yield from changes.idle_faults(flight)
-    yield from commanded.late(flight)
-    simulator = flight.sim_node.simulator
-    if not simulator.hand.enabled and (heavy := feasibility.too_heavy(simulator.vehicle)):
-        yield f'warning: {heavy}'
-    plan, vehicle = flight.reference_node.plan, flight.reference_node.vehicle
-    for line in course_warnings.describe(plan, vehicle, stretch=True):
+    yield from idle(flight)
+    for line in impossible(flight, stretch=True):
         yield f'warning: {line}'
+    plan = flight.reference_node.plan
     if plan.trajectory == COURSE and stretch is not None and trajectory is not None:
         for line in course_file.left(Path(trajectory).expanduser(), plan.flown_course()):
             yield f'warning: {line}: --stretch does not keep it'
