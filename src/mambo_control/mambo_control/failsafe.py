@@ -26,9 +26,9 @@ STOPPED lasts until the controller is started again.
 **Prediction.** The believed vehicle (3.3) is simulated from the last state with the last PWM.
 Attitude, height and horizontal motion are taken from the estimate as long as it knows them. Height
 and horizontal motion are known while their published variances are within limits; an estimator
-that publishes no variances (zeros) is trusted. An estimate in flight whose position and
-body rate stay the same to the bit for longer than ``STUCK``, with a velocity, is that of an
-estimator that has stopped: all of it is lost until it changes.
+that publishes no variances (zeros) is trusted. An estimate in flight that stays the same to
+the bit, with a velocity, is old: after ``STUCK`` its prediction takes its place, and after
+``hold`` it is lost until it changes.
 
 **Descent.** From the initial position, velocity and yaw, the velocity blends to ``descent_speed``
 straight down within ``deceleration``, four times continuously differentiable, and the reference
@@ -82,7 +82,7 @@ REASONS = (
 SHORTEST_BLEND = 0.5  # s, shortest time in which a descent reaches its speed
 SETTLING = 0.5  # s after that, before a vehicle that does not sink counts as being on the floor
 TOUCHED = 0.1  # s for which it must not sink
-STUCK = 0.02  # s for which an estimate may stay the same: one of 50 Hz does (judgement)
+STUCK = 0.02  # s for which an estimate that stays the same is used: one of 50 Hz does (judgement)
 STANDING = 1e-6  # m/s, beyond which a position changes in a step of 5 ms, despite rounding
 SHOWN_TIME = 2.0  # s
 MOST_WRONG = (0.5, 1.5)  # mass shown over mass believed
@@ -194,9 +194,8 @@ class Memory(NamedTuple):
     shown: Shown  # what the vehicle weighs
     descent: Descent  # the last one
     command: Command  # the last one
-    position: Vec3  # m, of the last estimate, inertial NED
-    rate: Vec3  # rad/s, likewise, body FRD
-    stuck: float  # s for which these have stayed the same in flight, with a velocity
+    seen: State  # the last estimate
+    stuck: float  # s for which it has stayed the same in flight, with a velocity
 
 
 class Known(NamedTuple):
@@ -218,7 +217,7 @@ def begin(gains: controllers.Gains) -> Memory:
     return Memory(
         control, FLYING, REASON_NONE, 0.0, 0.0, 0.0, _REST, _POINT, trajectory.GROUND,
         Shown(0.0, 0.0), Descent(_ZERO, _ZERO, 0.0, 0.0, 0.0),
-        controllers.stopped(control, REASON_NONE), _ZERO, _ZERO, 0.0)
+        controllers.stopped(control, REASON_NONE), _REST, 0.0)
 
 
 def describe(stage: int, reason: int) -> str:
@@ -390,7 +389,7 @@ def _stop(memory: Memory, reason: int) -> tuple[Memory, Command]:
     return Memory(
         memory.control, STOPPED, reason, memory.estimate_lost, memory.reference_lost,
         memory.crash, memory.state, memory.ref, memory.phase, memory.shown, memory.descent,
-        command, memory.position, memory.rate, memory.stuck), command
+        command, memory.seen, memory.stuck), command
 
 
 @jit
@@ -417,7 +416,7 @@ def _descend(
     return Memory(
         control, stage, reason, memory.estimate_lost, memory.reference_lost, crash, state,
         memory.ref, memory.phase, memory.shown, Descent(d.rho, d.v, d.yaw, d.time + dt, still),
-        command, memory.position, memory.rate, memory.stuck), command
+        command, memory.seen, memory.stuck), command
 
 
 @jit
@@ -425,7 +424,7 @@ def _with_control(m: Memory, control: controllers.Memory) -> Memory:
     """Return the memory with another one of the control law."""
     return Memory(
         control, m.stage, m.reason, m.estimate_lost, m.reference_lost, m.crash, m.state, m.ref,
-        m.phase, m.shown, m.descent, m.command, m.position, m.rate, m.stuck)
+        m.phase, m.shown, m.descent, m.command, m.seen, m.stuck)
 
 
 @jit_inside
@@ -452,14 +451,15 @@ def _follow(
     command = _with_reason(command, reason)
     return Memory(
         control, stage, reason, memory.estimate_lost, memory.reference_lost, crash, state,
-        memory.ref, memory.phase, shown, memory.descent, command, memory.position,
-        memory.rate, memory.stuck), command
+        memory.ref, memory.phase, shown, memory.descent, command, memory.seen,
+        memory.stuck), command
 
 
 @jit
 def _stuck(memory: Memory, state: State, dt: float) -> float:
     """Return for how long in s an estimate has stayed the same though it has a velocity."""
-    same = memory.position == state.rho and memory.rate == state.omega
+    a = memory.seen
+    same = a.rho == state.rho and a.nu == state.nu and a.q == state.q and a.omega == state.omega
     return memory.stuck + dt if same and norm(state.nu) > STANDING else 0.0
 
 
@@ -518,11 +518,12 @@ def step(
     aloft = trajectory.in_flight(phase) or memory.stage > HOLDING
     have, stuck = known(state, spread, aloft, p), _stuck(memory, state, dt) if aloft else 0.0
     hold = p.hold + 0.5 * dt  # whole steps, whatever their sum is rounded to
-    if stuck > STUCK + 0.5 * dt:
-        have = Known(False, False, False)
-    position, rate = state.rho, state.omega
     complete = have.attitude and have.vertical and have.horizontal
-    estimate_lost = 0.0 if complete else max(memory.estimate_lost + dt, stuck)
+    estimate_lost = 0.0 if complete else memory.estimate_lost + dt
+    seen = state
+    if stuck > STUCK + 0.5 * dt:
+        have, complete = Known(False, False, False), False
+        estimate_lost = max(estimate_lost, stuck if stuck > hold else 0.0)
     reference_lost = 0.0 if followed else memory.reference_lost + dt
     stage, reason = _next_stage(memory, have, estimate_lost, reference_lost, aloft, hold)
     if not complete:
@@ -531,7 +532,7 @@ def step(
         state = completed(state, have, predicted(memory, dt, vehicle))
     memory = Memory(
         memory.control, memory.stage, memory.reason, estimate_lost, reference_lost, memory.crash,
-        memory.state, ref, phase, memory.shown, memory.descent, memory.command, position, rate,
+        memory.state, ref, phase, memory.shown, memory.descent, memory.command, seen,
         stuck)
     if stage == STOPPED:
         return _stop(memory, reason)

@@ -106,11 +106,18 @@ def test_a_short_loss_is_bridged_and_says_why(law, lost, reason):
 
 def test_an_estimate_that_moves_and_stays_the_same_is_lost_until_it_changes():
     one, moving = Controller(), hovering(v=(0.0, 0.0, -0.01))
-    stages = [(one.answer(moving), one.stage)[1] for _ in range(40)]
-    # the first one is new; it may stay for 20 ms; all of the loss counts once it is one
-    assert stages[:5] == [FLYING] * 5 and stages[5:21] == [HOLDING] * 16
-    assert stages[21:] == [DESCENDING_BLIND] * 19
-    assert one.memory.reason == safety.REASON_ESTIMATE
+    for _ in range(5):  # the first one is new
+        command = one.answer(moving)
+        assert one.memory.state == moving
+    predicted = moved(moving, command)
+    for _ in range(HOLD - 4):
+        command = one.answer(moving)
+        assert (one.stage, command.reason) == (FLYING, safety.REASON_NONE)
+        assert one.memory.state == predicted
+        predicted = moved(predicted, command)
+    for _ in range(20):
+        one.answer(moving)
+        assert one.stage == DESCENDING_BLIND and one.memory.reason == safety.REASON_ESTIMATE
     one.answer(hovering(1.4))
     assert one.stage == LANDING
 
@@ -119,7 +126,8 @@ def test_an_estimate_that_moves_and_stays_the_same_is_lost_until_it_changes():
     lambda k: hovering(),  # at rest
     lambda k: hovering(1.5 + 1e-15 * k, v=(0.0, 0.0, -1e-3)),
     lambda k: hovering(v=(0.1, 0.0, 0.0))._replace(omega=(1e-9 * k, 0.0, 0.0)),
-    lambda k: hovering(1.5 + 0.001 * (k // 4), v=(0.0, 0.0, -0.05))])  # at 50 Hz
+    lambda k: hovering(v=(0.1 + 1e-9 * k, 0.0, 0.0)),  # its position is rounded
+    lambda k: hovering(1.5 + 0.001 * (k // 20), v=(0.0, 0.0, -0.01))])  # at 10 Hz
 def test_an_estimate_that_rests_or_changes_is_followed(changed):
     one = Controller()
     for k in range(1000):

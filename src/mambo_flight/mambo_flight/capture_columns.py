@@ -67,7 +67,9 @@ def unused(t: Array, rows: Array, max_age: float) -> str:
     """
     if not len(rows):
         return ''
-    k = int(rows[:, COLUMNS.capture + 1].argmax())
+    age, silence = rows[:, COLUMNS.capture + 1], rows[:, COLUMNS.capture + 2]
+    # poses that are refused as they come again end a loss
+    k = int((silence if silence.max() > 0.5 * age.max() else age).argmax())
     seen = capture_of(rows[k])
     return longest(float(t[k]), seen.age, complaint(seen, max_age))
 

@@ -18,7 +18,7 @@ from typing import Any
 from mambo_bags.command import guard, interrupted, Parser
 from mambo_model import limits
 from mambo_model.errors import InputError, JobError
-from mambo_model.motion.height_check import flight_fault, landing_fault, over_in_the_air
+from mambo_model.motion.height_check import flight_fault, over_in_the_air
 from mambo_model.whole_file import refuse_existing
 from numba.core import event
 import numpy as np
@@ -105,17 +105,16 @@ def failure(flight: Scenario, r: closed_loop.Recording, metrics: Mapping[str, An
     """
     if flight.sim_node.simulator.hand.enabled:
         return ''
-    t, up = r.t * 1e-9, (1.0, 1.0, -1.0)  # NED to z up
-    floor = flight.sim_node.simulator.plant.ground
-    turning = (r.pwm > 0.0).any(axis=1)
+    ended, up = '', (1.0, 1.0, -1.0)  # NED to z up
     if metrics['shutdown']:
-        hit = landing_fault(t, -r.truth[:, 2], r.phase, turning) if floor else ''
-        return (f'motors stopped at {metrics["shutdown_time"]:.3f} s: '
-                f'{metrics["shutdown_reason"]}{"; " if hit else ""}{hit}')
-    if metrics['failsafe']:
-        return f'the failsafe held or landed the vehicle at the end: {metrics["failsafe"]}'
-    return flight_fault(
-        t, r.truth[:, :3] * up, r.reference[:, :3] * up, r.phase, turning, floor)
+        ended = (f'motors stopped at {metrics["shutdown_time"]:.3f} s: '
+                 f'{metrics["shutdown_reason"]}')
+    elif metrics['failsafe']:
+        ended = f'the failsafe held or landed the vehicle at the end: {metrics["failsafe"]}'
+    found = flight_fault(
+        r.t * 1e-9, r.truth[:, :3] * up, r.reference[:, :3] * up, r.phase,
+        (r.pwm > 0.0).any(axis=1), flight.sim_node.simulator.plant.ground, bool(ended))
+    return '; '.join(filter(None, (ended, found)))
 
 
 def _remarks(flight: Scenario, r: closed_loop.Recording) -> list[str]:

@@ -64,4 +64,9 @@ def test_the_longest_time_without_poses_is_told_with_its_end():
     rows[:, age + 1] = rows[:, age]  # none came
     assert unused(np.arange(5.0), rows, 0.2) == (
         'the estimate went on without poses until t = 1.00 s: no motion capture for 2.0 s')
+    rows[2, age] = 2.2  # the first that comes again is refused
+    assert unused(np.arange(5.0), rows, 0.2).endswith('t = 1.00 s: no motion capture for 2.0 s')
+    rows[:, age + 1] *= 0.1
+    assert 'until t = 2.00 s: motion capture refused for 2.2 s' in unused(
+        np.arange(5.0), rows, 0.2)
     assert not unused(np.arange(5.0), 0.4 * rows, 0.2) and not unused(np.empty(0), rows[:0], 0.2)

@@ -9,7 +9,7 @@ from typing import Any
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag
 from mambo_estimation.capture.report import longest
-from mambo_model.motion.height_check import flight_fault, landing_fault, over_in_the_air
+from mambo_model.motion.height_check import flight_fault, over_in_the_air
 from mambo_model.motion.trajectory import in_flight, LANDED
 from mambo_model.script import python
 from mambo_signals.resample import Ints
@@ -59,18 +59,15 @@ def _beside_reference(bag: Bag, topic: str) -> tuple[Ints, Ints] | None:
     return rows, asked
 
 
-def _flight_fault(bag: Bag, shut_down: bool) -> str:
-    """Return how the vehicle did not follow its reference, or how it then hit the floor, or ''."""
+def _flight_fault(bag: Bag, ended: bool) -> str:
+    """Return how the vehicle did not follow its reference, or fell after its end, or ''."""
     if (rows := _beside_reference(bag, 'ground_truth/odom')) is None:
         return ''
     (true, asked), truth, reference = rows, bag['ground_truth/odom'], bag['reference']
-    t, phase = reference.t[asked], reference.phase[asked]
-    turning = _turning(bag, reference.stamp[asked])
     floor = _parameter(bag, 'sim_node', 'simulator', 'plant', 'ground') is not False
-    if shut_down:
-        return landing_fault(t, truth.position[true, 2], phase, turning) if floor else ''
     return flight_fault(
-        t, truth.position[true], reference.position[asked], phase, turning, floor)
+        reference.t[asked], truth.position[true], reference.position[asked],
+        reference.phase[asked], _turning(bag, reference.stamp[asked]), floor, ended)
 
 
 def _had_landed(bag: Bag, t: float) -> bool:

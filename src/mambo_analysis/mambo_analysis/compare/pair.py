@@ -469,9 +469,9 @@ def within(bag: Bag, parts: Phases, notes: list[str]) -> list[Comparison]:
                          'mambo replay to make one')
     elif measured is not None:
         out.append(_between(bag, 'estimate/odom', measured, 'estimation error', parts, notes))
-        if 'estimate/map' in bag:
+        if 'estimate/map' in bag and truth is not None:  # which poses of a wrong body are not
             out.append(_between(
-                bag, 'estimate/map', measured, 'estimation error in map', parts, notes))
+                bag, 'estimate/map', truth, 'estimation error in map', parts, notes))
     elif not imported:
         notes.append('no estimation error: it needs optitrack/pose or ground_truth/odom')
     return [comparison for comparison in out if comparison is not None]

@@ -26,8 +26,6 @@ NEAR = Result((math.nan, math.nan), math.nan, True)
 FLOOR = 0.05     # m, how well the height is known of a vehicle that has landed: judgement
 WEIGHT = 0.01    # of one sample in the variance that is found of a sensor
 QUIETEST = 0.25  # lower limit of an estimated variance, as a share of the parameter
-LOUDEST = 0.1    # m, most noise that is estimated of a sonar: the noisiest Rolling Spider flight
-#                  with a working one; errors that last are no noise
 
 
 class Noise(NamedTuple):
@@ -102,8 +100,8 @@ def use_range(
     correct(P, column, innovation, variance, d)
     if not near:
         least = v.sonar.noise * v.sonar.noise
-        found = min(_found(noise.sonar, squared, explained, least), max(LOUDEST * LOUDEST, least))
-        noise = Noise(found, noise.flow, noise.barometer)
+        noise = Noise(
+            _found(noise.sonar, squared, explained, least), noise.flow, noise.barometer)
     return inject(x, d), gate, noise, result
 
 

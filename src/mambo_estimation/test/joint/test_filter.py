@@ -13,7 +13,7 @@ from mambo_estimation.estimate import (
 from mambo_estimation.joint import filter as joint
 from mambo_estimation.joint.joint_parameters import (
     DragParams, FlowParams, JointParams, MotionParams, RangeParams)
-from mambo_estimation.joint.state import ACCEL_BIAS, DRAG, forget, SIZE, VELOCITY, YAW
+from mambo_estimation.joint.state import DRAG, SIZE, YAW
 from mambo_model.compiled import hold, jit
 import numpy as np
 import pytest
@@ -86,21 +86,6 @@ def parts(samples, row):
     return (replace(samples, **{
         field.name: getattr(samples, field.name)[half] for field in fields(samples)})
         for half in (slice(row), slice(row, None)))
-
-
-def test_errors_that_last_are_no_noise_of_the_sonar():
-    truth = fly(hover(), 40.0, drag=K_DRAG)
-    early, late = parts(sense(truth, TYPICAL, seed=12), 3000)
-    m = estimate(early, PARAMS).memory
-    x, P = m.x, m.P.copy()
-    for i in (2, VELOCITY + 2, ACCEL_BIAS + 2):
-        forget(P, i, 1e-8)  # as sure as poses of a motion capture make it, which were late
-    x = x._replace(v=(*x.v[:2], x.v[2] - 0.15),
-                   accel_bias=(*x.accel_bias[:2], x.accel_bias[2] - 0.05))
-    run = estimate(late, PARAMS, m._replace(P=P, x=x))
-    # 0.26 m; 1.27 m if the sonar is taken for as noisy as its innovations are large
-    assert np.abs(run.height - truth.height[3000:]).max() < 0.4
-    assert np.sqrt(run.memory.noise.sonar) < 0.11
 
 
 def test_after_hours_of_flight_a_correction_turns_and_moves_nothing_far():

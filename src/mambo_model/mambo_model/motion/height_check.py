@@ -169,6 +169,7 @@ def landing_fault(
 def flight_fault(
     t: NDArray[np.float64], truth: NDArray[np.float64], wanted: NDArray[np.float64],
     phase: NDArray[np.int64], turning: NDArray[np.bool_], floor: bool = True,
+    ended: bool = False,
 ) -> str:
     """
     Return why a flight was not flown as asked: height, distance and landing; or an empty string.
@@ -179,13 +180,17 @@ def flight_fault(
         As of :func:`height_fault` and :func:`landing_fault`.
     truth, wanted : (n, 3) m
         True position and that of the reference, z up.
+    ended
+        Whether the failsafe ended the flight: that it is not at the height of its reference is
+        no reason then.
 
     """
     height = truth[:, 2]
     off = truth - wanted
     beside = np.sqrt(off[:, 0] * off[:, 0] + off[:, 1] * off[:, 1])
     return '; '.join(filter(None, (
-        height_fault(t, height, wanted[:, 2], phase, floor), distance_fault(t, beside, phase),
+        '' if ended else height_fault(t, height, wanted[:, 2], phase, floor),
+        distance_fault(t, beside, phase),
         landing_fault(t, height, phase, turning) if floor else '')))
 
 

@@ -91,6 +91,7 @@ def test_a_vehicle_far_beside_its_reference_is_named(beside, seconds, phase, tol
     assert flight_fault(t, truth, wanted, *whole) == said
     above = flight_fault(t, truth + (0.0, 0.0, 1.5), wanted, *whole)
     assert 'above its reference' in above and above.endswith(f'; {said}' * told)  # both are named
+    assert flight_fault(t, truth + (0.0, 0.0, 1.5), wanted, *whole, ended=True) == said
 
 
 ON_FLIGHT = (False, True, True, False, False, False)
