@@ -63,6 +63,10 @@ class NotExcited(AlignError):
     """A signal varies too little to determine a time offset."""
 
 
+class UncertainError(AlignError):
+    """Two signals are alike at an offset, whose standard error is too large."""
+
+
 class Poses(Protocol):
     """Recorded poses: messages of a bag, or :class:`mambo_signals.motion.Motion`."""
 
@@ -329,9 +333,9 @@ def time_offset(
 
 
 def refuse_uncertain(offset: float, sigma: float, worst: float = WORST) -> None:
-    """Raise AlignError if the standard error of an offset, s, is above the largest accepted."""
+    """Raise UncertainError if the standard error of an offset, s, is above the worst accepted."""
     if not sigma <= worst:
-        raise AlignError(
+        raise UncertainError(
             f'the offset of {offset:.3f} s has a standard error of {sigma:.3f} s, '
             f'above {worst:g} s: the signals do not determine it')
 

@@ -78,7 +78,8 @@ from mambo_signals import clock_check, frozen, gyro_check, height_check, outlier
 from mambo_signals.derivative import body_rates
 from mambo_signals.resample import interpolate
 from mambo_signals.time_offset import (
-    AlignError, most_precise, Offset, offsets, RANGE_LATE, refuse_uncertain, time_offset)
+    AlignError, most_precise, Offset, offsets, RANGE_LATE, refuse_uncertain, time_offset,
+    UncertainError)
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
@@ -557,13 +558,18 @@ def _publish_mocap(log: Log, out: Publisher, offset: float) -> None:
         out.publish('optitrack/pose', stamp, 'map', pose=out.pose(row[1:4], q))
 
 
-def _range_offset(log: Log) -> tuple[Offset | None, str]:
+def _range_offset(log: Log, asked: str) -> tuple[Offset | None, str]:
     """Return the offset by the range; None and why if only the gyro is usable, else AlignError."""
     if not log.has('r'):
         return None, 'there is none'
     try:
         return mocap_offset(log), ''
     except AlignError as error:
+        if isinstance(error, UncertainError) and asked != 'gyro':
+            raise AlignError(
+                f'{RANGE}: {error}, though both change alike: a clock jumps or runs at a wrong '
+                'rate, or many ranges are wrong; give --mocap-offset gyro to trust the gyro'
+            ) from None
         if not _gyro_offsets(log)[0]:
             raise
         return None, str(error)
@@ -636,7 +642,7 @@ def _aligned(path: Path, log: Log, asked: str) -> tuple[float | None, dict[str, 
         return float(asked), {'mocap_offset_s': float(asked), 'mocap_offset_from': 'given'}
     details: dict[str, Any] = {'mocap_offset_from': 'gyro'}
     try:
-        by_range, reason = _range_offset(log)
+        by_range, reason = _range_offset(log, asked)
         if by_range is not None:
             found = by_range
             most_precise({RANGE: found, **_gyro_offsets(log)[0]}, {RANGE: RANGE_LATE})

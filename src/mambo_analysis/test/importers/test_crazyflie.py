@@ -759,6 +759,16 @@ def test_a_motion_capture_with_a_wrong_frame_rate_is_refused(path, tmp_path, cap
 
 
 @needs_data
+@pytest.mark.parametrize(('name', 'jump', 'share'), [('lab02', 1.0, 0.4), ('lab09', 0.5, 0.5)])
+def test_a_motion_capture_whose_clock_jumps_is_not_aligned_by_the_gyro_alone(
+        tmp_path, capsys, name, jump, share):
+    log = json.loads(next(path for path in FLIGHTS if name in path.stem).read_text())
+    t = np.array(log['mocap']['time'])
+    log['mocap']['time'] = (t + jump * (t > t[0] + share * np.ptp(t))).tolist()
+    refuse(save(tmp_path / 'log.json', log), tmp_path, capsys, 'a clock jumps or runs at a wrong')
+
+
+@needs_data
 def test_a_given_offset_takes_a_wrong_frame_rate_and_says_so(tmp_path, capsys):
     source = rescaled(FLIGHTS[0], tmp_path, 1.02)
     log = read_log(read_source(FLIGHTS[0]))
