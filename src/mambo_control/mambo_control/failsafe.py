@@ -27,8 +27,8 @@ STOPPED lasts until the controller is started again.
 Attitude, height and horizontal motion are taken from the estimate as long as it knows them. Height
 and horizontal motion are known while their published variances are within limits; an estimator
 that publishes no variances (zeros) is trusted. An estimate in flight that stays the same to
-the bit, with a velocity, is old: after ``STUCK`` its prediction takes its place, and after
-``hold`` it is lost until it changes.
+the bit, though it moves and turns, is old: after ``STUCK`` its prediction takes its place, and
+after ``hold`` it is lost until it changes.
 
 **Descent.** From the initial position, velocity and yaw, the velocity blends to ``descent_speed``
 straight down within ``deceleration``, four times continuously differentiable, and the reference
@@ -84,6 +84,8 @@ SETTLING = 0.5  # s after that, before a vehicle that does not sink counts as be
 TOUCHED = 0.1  # s for which it must not sink
 STUCK = 0.02  # s for which an estimate that stays the same is used: one of 50 Hz does (judgement)
 STANDING = 1e-6  # m/s, beyond which a position changes in a step of 5 ms, despite rounding
+TURNING = 1e-3  # rad/s, a body rate that no vehicle has on the floor, where sensors without noise
+#                 repeat the same, and an estimate may stand at some cm/s
 SHOWN_TIME = 2.0  # s
 MOST_WRONG = (0.5, 1.5)  # mass shown over mass believed
 LEAST_THRUST = 0.1  # m/s^2 along the attitude of a reference that can be followed
@@ -195,7 +197,7 @@ class Memory(NamedTuple):
     descent: Descent  # the last one
     command: Command  # the last one
     seen: State  # the last estimate
-    stuck: float  # s for which it has stayed the same in flight, with a velocity
+    stuck: float  # s for which it has stayed the same in flight, though it moves and turns
 
 
 class Known(NamedTuple):
@@ -457,10 +459,11 @@ def _follow(
 
 @jit
 def _stuck(memory: Memory, state: State, dt: float) -> float:
-    """Return for how long in s an estimate has stayed the same though it has a velocity."""
+    """Return for how long in s an estimate has stayed the same though it moves and turns."""
     a = memory.seen
     same = a.rho == state.rho and a.nu == state.nu and a.q == state.q and a.omega == state.omega
-    return memory.stuck + dt if same and norm(state.nu) > STANDING else 0.0
+    moves = norm(state.nu) > STANDING and norm(state.omega) > TURNING
+    return memory.stuck + dt if same and moves else 0.0
 
 
 @jit_inside
