@@ -1,11 +1,14 @@
 """Offsets, poses and flights that were put in are found again; what says nothing is refused."""
 
+from contextlib import nullcontext
+
 from mambo_bags.reader import read_bag
 from mambo_signals import time_offset as align
 from mambo_signals.resample import interpolate, longest_step
 from mambo_signals.time_offset import (
     AlignError, equalised, find_flight, flight_by_acceleration, flight_by_height,
-    flight_by_thrust, most_precise, Offset, pose_offset, registration, time_offset)
+    flight_by_thrust, most_precise, Offset, pose_offset, refuse_uncertain, registration,
+    time_offset, UncertainError)
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
@@ -429,3 +432,30 @@ def test_a_jump_of_the_clock_is_refused_before_it_fills_the_memory(first):
     with pytest.raises(AlignError, match=('first' if first else 'second') + (
             r' signal lasts 6048\d\d s, with a gap of 604800 s after .* jump of the clock')):
         time_offset(ta, a, tb, b)
+
+
+def bumps(t):
+    """Return a signal with a hump at each of some uneven times, (n,)."""
+    return sum(np.exp(-0.5 * ((t - at) / 0.4) ** 2) for at in (3.0, 7.5, 10.0, 16.0, 21.5, 27.0))
+
+
+@pytest.mark.parametrize('jump', [0.6, 0.8])
+def test_a_clock_that_jumps_leaves_an_offset_uncertain(jump):
+    t = np.arange(0.0, 30.0, 0.02)
+    later = t + jump * (t > 15.0)
+    with pytest.raises(UncertainError, match='has a standard error of'):
+        time_offset(t, bumps(t), later, bumps(t))
+    assert time_offset(t, bumps(t), t + 2.0, bumps(t)).offset == pytest.approx(-2.0, abs=1e-6)
+
+
+def test_signals_that_are_not_alike_are_not_only_uncertain():
+    t, rng = np.arange(0.0, 30.0, 0.02), np.random.default_rng(1)
+    with pytest.raises(AlignError) as found:
+        time_offset(t, bumps(t), t, rng.standard_normal(len(t)).cumsum())
+    assert not isinstance(found.value, UncertainError)
+
+
+@pytest.mark.parametrize(('sigma', 'refused'), [(0.05, False), (0.051, True), (np.nan, True)])
+def test_a_standard_error_above_the_worst_is_refused(sigma, refused):
+    with pytest.raises(UncertainError) if refused else nullcontext():
+        refuse_uncertain(1.0, sigma)
