@@ -10,8 +10,10 @@ from mambo_analysis.compare.compare import compare, compare_bags, main
 from mambo_analysis.importers.common import Publisher
 from mambo_bags.reader import BagError, read_bag
 from mambo_bags.writer import BagWriter
+from mambo_model.motion.rigid_body import State
+from mambo_ros import messages
 from mambo_signals import metrics, motion
-from mambo_signals.flight_phases import detect_phases, Phases
+from mambo_signals.flight_phases import detect_phases, Phases, phases
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
@@ -412,3 +414,27 @@ def test_a_clock_that_runs_at_another_rate_is_told(rate, said):
     a = dataclasses.replace(a, stamps=np.round(1.06 / rate * a.stamps).astype(np.int64))
     with pytest.raises(BagError, match='the clock of A runs 5.8 % too fast for B.*; take time'):
         pair.aligned(a, b, ('time',))
+
+
+def test_the_estimate_in_map_is_compared_with_the_truth_and_not_with_poses_of_another_body(
+        tmp_path):
+    writer = BagWriter(tmp_path / 'bag')
+    off = {'ground_truth/odom': 0.0, 'estimate/odom': 0.1, 'estimate/map': 1.0}
+    for name in off:
+        writer.add_topic(f'/mambo/{name}', 'nav_msgs/msg/Odometry')
+    writer.add_topic('/mambo/optitrack/pose', 'geometry_msgs/msg/PoseStamped')
+    level, still = (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for t in range(0, 2_000_000_000, 5_000_000):
+        x = 0.1 * t * 1e-9
+        for name, wrong in off.items():
+            writer.write(f'/mambo/{name}', messages.ground_truth(
+                t, State((x + wrong, 0.0, -1.0), still, level, still)), t)
+        pose = messages.optitrack(t, (x + 1.0, 0.0, -1.0), level)
+        writer.write('/mambo/optitrack/pose', pose, t)
+    writer.close()
+    bag = read_bag(tmp_path / 'bag')
+    found = {one.title: one for one in pair.within(bag, phases(bag), [])}
+    assert np.abs(found['estimation error: estimate/odom minus optitrack/pose'][
+        'position'].error[:, 0] + 0.9).max() < 1e-9
+    assert np.abs(found['estimation error in map: estimate/map minus ground_truth/odom'][
+        'position'].error[:, 0] - 1.0).max() < 1e-9

@@ -261,3 +261,16 @@ def test_the_speed_is_the_median_without_the_flight_that_compiles(monkeypatch):
     found = monte_carlo.speed(scenario(duration=10.0), False, 3)
     assert found.real_time_factor == pytest.approx(10.0 / 0.5)
     assert found.drone_steps == pytest.approx(20.0 * 1000.0)
+
+
+def test_a_flight_on_motion_capture_has_the_error_of_the_estimate_that_it_was_flown_on():
+    plain = scenario(estimator='ground_truth', duration=6.0, land=False)
+    r = closed_loop.fly(plain)
+    located = np.zeros((len(r.t), 61))
+    located[:, :13] = r.truth
+    located[:, 0] += 1.0  # m
+    on_map = scenario(estimator='joint', duration=6.0, land=False, overrides={
+        'estimator_node.joint.pose.enabled': True, 'controller_node.estimate': 'map'})
+    for flight, wrong in ((on_map, 1.0), (plain, 0.0)):
+        row = monte_carlo.measure(flight, r._replace(located=located))
+        assert row['estimation_rms'] == pytest.approx(wrong, abs=1e-12)
