@@ -135,6 +135,32 @@ def climb(times: Floats, heights: Floats) -> tuple[Floats, Floats]:
     return grid[there], out[there]
 
 
+def while_flying(
+    turns: Pairs, heights: tuple[Floats, Floats, Floats, Floats] | None, begin: float, end: float,
+) -> dict[str, tuple[Floats, Floats, Floats, Floats]]:
+    """
+    Return turn rates and the climb rate, rad/s and m/s, those of the flight from begin to end.
+
+    Parameters
+    ----------
+    turns
+        {name: times [s] and rate of the flight, the same of the motion capture}, rad/s.
+    heights
+        The same of the height, m; None: there is none.
+    begin, end : s
+        When the motors run.
+
+    """
+    out = dict(turns)
+    if heights is not None:
+        ta, a, tb, b = heights
+        out['climb rate'] = (*climb(ta, a), *climb(tb, b))
+    for name, (t, values, *other) in out.items():
+        there = (t >= begin) & (t <= end)
+        out[name] = (t[there], values[there], *other)
+    return out
+
+
 def _on(times: Floats, values: Floats, grid: Floats) -> Floats:
     """Return a signal on a grid, smoothed, NaN in gaps."""
     order = np.argsort(times, kind='stable')  # a clock that was set back

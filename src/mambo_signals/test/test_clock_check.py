@@ -298,3 +298,18 @@ def test_what_a_line_leaves_of_values():
         clock_check._bend(T, bend + 3.0 * T - 2.0), clock_check._bend(T, bend), atol=1e-9)
     assert np.abs(clock_check._bend(T, 3.0 * T - 2.0)).max() < 1e-9
     assert len(clock_check._bend(T[:2], T[:2])) == 0
+
+
+@pytest.mark.parametrize('ranged', [True, False])
+def test_the_climb_joins_the_turn_rates_and_only_the_flight_counts(ranged):
+    heights = (T, 0.5 * T, S, 0.5 * S) if ranged else None
+    turns = pairs()
+    found = clock_check.while_flying(turns, heights, 10.0, 20.0)
+    assert list(found) == [*turns, *['climb rate'] * ranged] and len(turns) == 2
+    for name, (t, values, *other) in found.items():
+        assert len(t) == len(values) and 10.0 <= t.min() < t.max() <= 20.0
+        if name in turns:
+            np.testing.assert_array_equal(other, turns[name][2:])
+    if ranged:
+        _, climb, _, captured = found['climb rate']
+        assert climb == pytest.approx(0.5) and captured[100:-100] == pytest.approx(0.5)

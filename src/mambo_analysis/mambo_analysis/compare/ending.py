@@ -158,9 +158,9 @@ def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
 
     Returns
     -------
-    Lines: a failsafe that ended the flight, and motors stopped by their watchdog; without either,
-    motors that a controller shut down in flight, or a vehicle far from its reference; less
-    flown than the scenario in the bag asks for.
+    Lines: a failsafe that ended the flight before its landing, and motors stopped by their
+    watchdog; without either, motors that a controller shut down in flight; a vehicle that was far
+    from its reference or fell; less flown than the scenario in the bag asks for.
 
     """
     lines, first = [], set()

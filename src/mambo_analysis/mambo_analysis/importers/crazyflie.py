@@ -387,15 +387,8 @@ def _turn_rates(log: Log) -> dict[str, Pair]:
 
 def _moving(log: Log) -> dict[str, Pair]:
     """Return the same, and the climb rate in m/s, while the motors run."""
-    out = _turn_rates(log)
-    if log.has('r'):
-        t, r, s, z = _heights(log)
-        out['climb rate'] = (*clock_check.climb(t, r), *clock_check.climb(s, z))
-    begin, end = _motors_run(log)
-    for name, (t, values, *rest) in out.items():
-        there = (t >= begin) & (t <= end)
-        out[name] = (t[there], values[there], *rest)
-    return out
+    return clock_check.while_flying(
+        _turn_rates(log), _heights(log) if log.has('r') else None, *_motors_run(log))
 
 
 def _gyro_offsets(
@@ -600,7 +593,7 @@ def _refuse_unused(
             refuse_options(path, given, f'the log has no {what}')
 
 
-def _contradictions(log: Log, offset: float) -> list[str]:
+def _contradictions(log: Log, moving: dict[str, Pair], offset: float) -> list[str]:
     """Return what of the drone contradicts its motion capture with an offset, in words."""
     times, out = log.mocap[:, 0] + offset, []
     if log.has('r'):
@@ -619,7 +612,7 @@ def _contradictions(log: Log, offset: float) -> list[str]:
                 t, log.at(t, 'w_x', 'w_y', 'w_z'), times, np.array(_attitude(log.mocap[:, 4:]))))
         except AlignError as error:
             out.append(str(error))
-    out.append(clock_check.contradiction(_moving(log), offset))
+    out.append(clock_check.contradiction(moving, offset))
     return [text for text in out if text]
 
 
@@ -671,12 +664,13 @@ def _checked(path: Path, log: Log, asked: str) -> tuple[float | None, dict[str, 
     given = asked not in ('auto', 'gyro')
     if asked == 'none' or not len(log.mocap):
         return _aligned(path, log, asked)
-    rate = clock_check.wrong_rate(_moving(log))
+    moving = _moving(log)
+    rate = clock_check.wrong_rate(moving)
     if rate and not given:
         raise BagError(f'{path}: {rate}, or give --mocap-offset SECONDS to take the motion '
                        'capture as it is, or none to leave it out')
     offset, details = _aligned(path, log, asked)
-    doubts = [text for text in (rate, *_contradictions(log, offset)) if text]
+    doubts = [text for text in (rate, *_contradictions(log, moving, offset)) if text]
     if doubts and not given:
         raise BagError(f'{path}: {doubts[0]}; or give --mocap-offset {offset:.3f} to take the '
                        'motion capture as it is, or none to leave it out')

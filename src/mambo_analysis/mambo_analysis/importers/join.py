@@ -103,7 +103,9 @@ def find_clock(bag: Bag, poses: Poses) -> Clock:
 
     """
     pairs = signals(bag, poses)
-    if said := clock_check.wrong_rate(_moving(bag, pairs)):
+    turns = {name: pairs[name] for name in RATES if name in pairs}
+    if said := clock_check.wrong_rate(clock_check.while_flying(
+            turns, pairs.get('height'), *_motors_run(bag))):
         raise AlignError(f'{said}; or give --offset SECONDS')
     found, reasons = offsets(pairs)
     for name, one in list(found.items()):
@@ -131,10 +133,8 @@ def find_clock(bag: Bag, poses: Poses) -> Clock:
         raise AlignError(
             f'{error}: another flight, or wrong axes of the tracked body (import_motive --nose); '
             'or give --offset SECONDS') from None
-    rates = {name: pairs[name] for name in RATES if name in pairs}
-    if 'height' in found:
-        ta, a, tb, b = pairs['height']
-        rates['climb rate'] = (*clock_check.climb(ta, a), *clock_check.climb(tb, b))
+    rates = clock_check.while_flying(
+        turns, pairs['height'] if 'height' in found else None, -math.inf, math.inf)
     if said := clock_check.contradiction(rates, offset.offset):
         raise AlignError(f'{said}; or give --offset SECONDS')
     alike = {name: pairs[name] for name in found
@@ -158,21 +158,6 @@ def find_clock(bag: Bag, poses: Poses) -> Clock:
     return Clock(offset.offset, sigma, f'{best} of {", ".join(found)}',
                  tuple(f'{name}: {reason}' for name, reason in reasons.items()),
                  gyro_check.turned_body(turning))
-
-
-def _moving(
-    bag: Bag, pairs: dict[str, tuple[Floats, Floats, Floats, Floats]],
-) -> dict[str, tuple[Floats, Floats, Floats, Floats]]:
-    """Return the turn rates and the climb rate, rad/s and m/s, while the motors run."""
-    begin, end = _motors_run(bag)
-    out = {name: pairs[name] for name in RATES if name in pairs}
-    if 'height' in pairs:
-        ta, a, tb, b = pairs['height']
-        out['climb rate'] = (*clock_check.climb(ta, a), *clock_check.climb(tb, b))
-    for name, (t, values, *rest) in out.items():
-        there = (t >= begin) & (t <= end)
-        out[name] = (t[there], values[there], *rest)
-    return out
 
 
 def _span(bag: Bag) -> tuple[int, int, int]:
