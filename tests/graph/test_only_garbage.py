@@ -46,6 +46,8 @@ CASES = [
         ('infinite', 'composed', 'realtime'), ('huge-late', 'composed', 'realtime'),
         ('old-late', 'composed', 'lockstep'), ('negative-late', 'separate', 'realtime')]]
 
+REPORTED = ('short', 'huge-late')  # messages that are not their type, in the page too
+
 
 @pytest.mark.long
 @pytest.mark.parametrize('kind, how, mode', CASES)
@@ -54,8 +56,9 @@ def test_a_flight_whose_only_controller_publishes_garbage_ends(
     monkeypatch.setenv('MAMBO_GARBAGE', kind)
     bag, began = tmp_path / 'bag', time.monotonic()
     code = run.main([
-        '--mode', mode, '--duration', '20', '--no-landing', '--no-report', '--output',
-        str(bag), '--set', f'sim_node.patience={PATIENCE}',
+        '--mode', mode, '--duration', '20', '--no-landing', '--output', str(bag),
+        '--set', f'sim_node.patience={PATIENCE}',
+        *([] if kind in REPORTED else ['--no-report']),
         '--composed' if how == 'composed' else '--processes'])
     took = time.monotonic() - began
     out, err = capsys.readouterr()
@@ -63,6 +66,7 @@ def test_a_flight_whose_only_controller_publishes_garbage_ends(
     assert code == 1 and took < BUSY, (out, err)
     assert len(lines) == 1 and 'no motor_pwm' in lines[0], (out, err)
     assert 'Traceback' not in out + err
+    assert ('note: 400 of ' in out) == ((bag / 'index.html').exists()) == (kind in REPORTED)
     recorded = read_bag(bag)
     assert 'state: recording' not in (bag / 'metadata.yaml').read_text()
     truth = recorded['ground_truth/odom']

@@ -167,6 +167,35 @@ class Messages:
                     f'{self._place}{self.topic}: message {number} is not a {self.type_name} '
                     f'({reason})') from None
 
+    def readable(self) -> Messages:
+        """
+        Return the messages that match their type: these ones if all do.
+
+        Raises
+        ------
+        BagError
+            If the type is not known.
+
+        """
+        if isinstance(self._store, BagError):
+            raise self._store
+        try:
+            self._decode()
+        except BagError:
+            times = self.log_time.tolist(), self.publish_time.tolist()
+            kept = [row for row in zip(*times, self.raw, strict=True) if self._matches(row[2])]
+            return Messages(self.topic, self.type_name, self._store, [Batch.of(kept)])
+        return self
+
+    def _matches(self, data: bytes) -> bool:
+        """Return whether the bytes of a message can be decoded."""
+        one = Messages(self.topic, self.type_name, self._store, [Batch.of([(0, 0, data)])])
+        try:
+            one._decode()
+        except BagError:
+            return False
+        return True
+
     def __getitem__(self, path: str) -> NDArray[Any]:
         """Return a field by its dotted path; FieldError if there is no such field."""
         if not isinstance(path, str):
@@ -348,6 +377,23 @@ class Bag:
         self.topics[messages.topic] = messages.type_name
         self._messages[messages.topic] = messages
         messages._place = f'{self.path}: '
+
+    def leave_out_unreadable(self) -> None:
+        """
+        Leave out messages that do not match their type, with a note for each topic that has some.
+
+        A recorder keeps what anybody publishes, also messages that no node could read.
+        """
+        for topic, messages in self._messages.items():
+            try:
+                kept = messages.readable()
+            except BagError:  # an unknown type: its messages are not decoded at all
+                continue
+            if left_out := len(messages) - len(kept):
+                self.notes.append(
+                    f'{left_out} of {len(messages)} messages of {topic} are not a '
+                    f'{messages.type_name}: left out')
+                self.add(kept)
 
     def name(self, topic: str) -> str:
         """Return the absolute name of a topic; BagError if it is not text."""

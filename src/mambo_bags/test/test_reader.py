@@ -7,6 +7,7 @@ import time
 from mambo_bags import columns
 from mambo_bags.reader import BagError, read_bag
 from mambo_bags.writer import BagWriter
+from mambo_ros import messages
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
@@ -216,9 +217,9 @@ def test_a_bag_of_several_files_is_one_bag_in_order():
 def test_every_test_bag_of_rosbag2_is_read_or_refused_in_one_line():
     for path in sorted((DATA / 'rosbag2_tests').iterdir()):
         bag = read_bag(path)
-        for topic, messages in ((t, bag[t]) for t in bag.topics if t in bag):
+        for topic, found in ((t, bag[t]) for t in bag.topics if t in bag):
             try:
-                assert len(messages.stamp) == len(messages)
+                assert len(found.stamp) == len(found)
             except BagError as error:
                 assert '\n' not in str(error) and topic in str(error)
 
@@ -312,6 +313,27 @@ def test_a_message_that_is_not_its_type_is_named(tmp_path):
     writer.close()
     with pytest.raises(BagError, match='b: /mambo/motor_pwm: message 0 is not a mambo'):
         read_bag(tmp_path / 'b')['motor_pwm'].pwm
+
+
+@pytest.mark.parametrize('bad', [b'\0\1\0\0\1', b'\0\1\0\0' + bytes(70_000)])
+def test_messages_that_are_not_their_type_are_left_out_with_a_note(tmp_path, bad):
+    good = messages.motor_pwm(5 * 10**6, (1.0, 2.0, 3.0, 4.0), True, 0)
+    writer = BagWriter(tmp_path / 'b')
+    for name in ('/mambo/motor_pwm', '/mambo/motor_pwm_raw'):
+        writer.add_topic(name, 'mambo_interfaces/msg/MotorPwm')
+    for number, data in enumerate([good, bad, good, bad]):
+        writer.write('/mambo/motor_pwm', data, number * 10**6)
+        writer.write('/mambo/motor_pwm_raw', good, number * 10**6)
+    writer.close()
+    bag = read_bag(tmp_path / 'b')
+    bag.leave_out_unreadable()
+    assert bag.notes == ['2 of 4 messages of /mambo/motor_pwm are not a '
+                         'mambo_interfaces/msg/MotorPwm: left out']
+    assert bag['motor_pwm'].log_time.tolist() == [0, 2 * 10**6]
+    assert bag['motor_pwm'].pwm.tolist() == [[1.0, 2.0, 3.0, 4.0]] * 2
+    assert len(bag['motor_pwm_raw']) == 4
+    bag.leave_out_unreadable()
+    assert len(bag.notes) == 1
 
 
 def test_a_field_or_constant_that_is_not_there_is_named_in_whatever_way_it_is_asked_for(flight):

@@ -315,7 +315,9 @@ def _print_outcome(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:
         return reasons  # nothing to compare: the bag has at most the messages of the start
     reasons += outcome.dropped
     if no_report:
-        reasons += [] if outcome.stopped else ended_early(read_bag(bag, ENDINGS), bool(reasons))
+        recording = read_bag(bag, ENDINGS)
+        recording.leave_out_unreadable()
+        reasons += [] if outcome.stopped else ended_early(recording, bool(reasons))
         print(*reasons, sep='\n', end='\n' if reasons else '')
         return reasons
     page, reasons = report(bag, outcome.real_time_factor, reasons, bool(outcome.stopped))
@@ -352,6 +354,7 @@ def report(bag: Path, real_time_factor: float | None = None, fault: Sequence[str
     from mambo_analysis.compare import report as page
     from mambo_analysis.compare.compare import compare, table
     recording = read_bag(bag)
+    recording.leave_out_unreadable()
     result = compare(recording)
     if real_time_factor is not None:
         result['real_time_factor'] = real_time_factor

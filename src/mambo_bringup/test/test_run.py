@@ -4,6 +4,7 @@ import re
 import signal
 from types import SimpleNamespace
 
+from mambo_bags.reader import Bag
 from mambo_bringup import run as command
 from mambo_bringup.flight import outcome as outcomes
 from mambo_bringup.flight.outcome import Outcome
@@ -287,7 +288,7 @@ def test_commands_of_the_scenario_that_were_refused_are_a_reason_and_a_failure(
         f'[WARN] [2.0] [mambo.reference_node]: {line}', '[INFO] [2.0]: used 1.0 s of CPU'])
     assert outcomes.dropped([SimpleNamespace(lines=[]), node]) == [line]
     assert outcomes.dropped([SimpleNamespace(lines=node.lines[:1])]) == []
-    monkeypatch.setattr(command, 'read_bag', lambda *_: None)
+    monkeypatch.setattr(command, 'read_bag', lambda path, _: Bag(path))
     monkeypatch.setattr(command, 'ended_early', lambda *_: [])
     outcome = Outcome(tmp_path, 18.0, 1.0, 0, '', None, {}, {}, True, whole=True, dropped=[line])
     assert command._print_outcome(outcome, tmp_path, no_report=True) == [line]

@@ -499,6 +499,7 @@ def _work(options: argparse.Namespace) -> None:
     else:
         if what is not None or options.equal_at is not None:
             raise BagError('--align, --no-align and --equal-at need two bags or two topics')
+        bag.leave_out_unreadable()
         result = compare(bag)
     if options.json != '-':
         print(table(result))

@@ -64,6 +64,19 @@ def test_a_recording_that_ends_before_the_take_off_says_so(tmp_path):
         'blend')
 
 
+def test_messages_that_nobody_can_read_are_left_out_with_a_note(tmp_path, capsys):
+    maker = Maker(tmp_path / 'b', ('reference', 'ground_truth/odom', 'motor_pwm'))
+    for step in range(10):
+        maker.write('reference', step * STEP, phase=2)
+        maker.odometry('ground_truth/odom', step * STEP, (1.0, 0.0, 0.0))
+        maker.writer.write('/mambo/motor_pwm', b'\0\1\0\0\1', step * STEP)
+    maker.writer.close()
+    assert main([str(tmp_path / 'b')]) == 0
+    out = capsys.readouterr().out
+    assert 'note: 10 of 10 messages of /mambo/motor_pwm are not a mambo' in out
+    assert '  whole flight       1.0000' in out
+
+
 def test_an_unknown_blend_is_assumed_and_said(tmp_path):
     bag = read_bag(make_flight(tmp_path / 'b', 6.0, attachments={}))
     parts = phases(bag)
