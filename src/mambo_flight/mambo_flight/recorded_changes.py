@@ -18,9 +18,10 @@ RECORD = (topics.DIAGNOSTICS.name, topics.DIAGNOSTICS.name[1:])
 def changes_of(bag: Bag) -> dict[str, str]:
     """Return {node.changes: text} of a bag that was read with :data:`RECORD`."""
     out: dict[str, list[Change]] = {node: [] for node in NODES}
-    name = topics.full_name(topics.DIAGNOSTICS, bag.namespace or topics.NAMESPACE)
+    namespace = bag.namespace or topics.NAMESPACE
+    name = topics.full_name(topics.DIAGNOSTICS, namespace)
     for data in bag[name].raw if name in bag else ():
-        for node, change in decode(data):
+        for node, change in decode(data, namespace):
             if node in out:
                 out[node].append(change)
     return {f'{node}.changes': parameter_change.to_text(found) for node, found in out.items()}

@@ -12,9 +12,10 @@ import pytest
 
 GAIN, NOISE = 'cascaded.k_p', 'joint.sonar.noise'
 RECORDED = (
-    (1_000_000_000, 'mambo/controller_node', {GAIN: 2.0}),
-    (1_500_000_000, 'mambo/estimator_node', {NOISE: 0.03}),
-    (2_000_000_000, 'mambo/controller_node', {GAIN: 2.5}),
+    (1_000_000_000, '{drone}/controller_node', {GAIN: 2.0}),
+    (1_200_000_000, 'shadow/controller_node', {GAIN: 9.0}),  # beside the drone
+    (1_500_000_000, '{drone}/estimator_node', {NOISE: 0.03}),
+    (2_000_000_000, 'controller_node', {GAIN: 2.5}),
     (2_500_000_000, 'recorder_node', {'speed': 1.0}))  # of a node whose changes are not flown
 
 
@@ -29,6 +30,7 @@ def bag(request, tmp_path_factory):
     writer.add_topic(tick, 'mambo_interfaces/msg/SensorTick')
     writer.write(name, diagnostics.report(0, 'sim_node', diagnostics.OK, 'well', {}), 0)
     for t, node, values in RECORDED:
+        node = node.format(drone=tick.split('/')[1])
         writer.write(name, change_message.encode(t, node, values), t)
     writer.close()
     return read_bag(path, recorded_changes.RECORD)

@@ -84,7 +84,7 @@ class MamboNode(diagnostics.Faulty, Live, Node, Generic[P]):
                 return output
         self.outputs.append(RawPublisher(
             self.create_publisher(topic.msg_type, topic.name, qos(topic)), topic.shared,
-            self.wire.outgoing(topic, self.get_namespace())))
+            self.wire.outgoing(topic, self.get_namespace(), name)))
         return self.outputs[-1]
 
     def subscribe(self, topic: topics.Topic, callback: Callable[[bytes], None],

@@ -101,7 +101,13 @@ def _shut_down(bag: Bag) -> str:
 
 
 def statuses(bag: Bag) -> Iterator[tuple[float, Any]]:
-    """Yield every diagnostic status of a bag with the stamp of its report, s."""
+    """
+    Yield every diagnostic status of a bag with the stamp of its report, s.
+
+    The names of the drone's own nodes are without its namespace; those of another drone, which
+    may share ``/diagnostics``, begin with that one's.
+    """
+    own = f'{bag.namespace.strip("/")}/'
     for topic in REPORTS:
         try:
             reports = list(bag[topic].objects()) if topic in bag else []
@@ -109,7 +115,9 @@ def statuses(bag: Bag) -> Iterator[tuple[float, Any]]:
             continue
         for report in reports:
             t = report.header.stamp.sec + report.header.stamp.nanosec * 1e-9
-            yield from ((t, status) for status in report.status)
+            for status in report.status:
+                status.name = status.name.removeprefix(own)
+                yield t, status
 
 
 def refused_messages(bag: Bag) -> list[str]:

@@ -63,9 +63,15 @@ def test_the_first_error_of_controller_or_vehicle_is_a_line_in_the_air_or_not(
 
 
 @pytest.mark.parametrize('name, level', [
-    ('controller_node', diagnostics.WARN), ('estimator_node', diagnostics.ERROR)])
+    ('controller_node', diagnostics.WARN), ('estimator_node', diagnostics.ERROR),
+    ('shadow/controller_node', diagnostics.ERROR)])
 def test_warnings_and_other_nodes_end_nothing(tmp_path, name, level):
     assert ended_early(bag(tmp_path / 'bag', name, level)) == []
+
+
+def test_a_node_that_is_named_with_its_own_namespace_is_known(tmp_path):
+    flight = bag(tmp_path / 'bag', 'mambo/controller_node', diagnostics.ERROR)
+    assert ended_early(flight) == [f'controller_node at 1.000 s: {LINE}']
 
 
 def test_a_controller_that_gives_up_does_not_end_a_flight_by_hand(tmp_path):

@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from mambo_model.motion.parameter_change import Change
 from mambo_model.schema import ParameterError
 
-from .. import diagnostics
+from .. import diagnostics, topics
 from ..cdr import SECOND
 
 _ENDING = ': parameters'
@@ -36,9 +36,16 @@ def encode(t: int, node: str, values: Mapping[str, Any]) -> bytes:
         'changed: ' + ', '.join(f'{name} = {text}' for name, text in texts.items()), texts)
 
 
-def decode(data: bytes) -> list[tuple[str, Change]]:
+def decode(data: bytes, namespace: str = topics.NAMESPACE) -> list[tuple[str, Change]]:
     """
     Return (node, change) of every change in a serialised ``DiagnosticArray``.
+
+    Parameters
+    ----------
+    data
+        The message.
+    namespace
+        Of the drone: changes of nodes in another one, named with it, are left out.
 
     Raises
     ------
@@ -54,12 +61,13 @@ def decode(data: bytes) -> list[tuple[str, Change]]:
     out = []
     for status in message.status:
         node, mark, rest = status.name.rpartition(_ENDING)
-        if mark and not rest:
+        space, _, node = node.rpartition('/')
+        if mark and not rest and space in ('', namespace.strip('/')):
             try:
                 values = {one.key: json.loads(one.value) for one in status.values}
             except ValueError:
                 raise ParameterError(
                     f'/diagnostics at t = {t * 1e-9:g} s: a recorded parameter of {node} cannot '
                     'be read') from None
-            out.append((node.rpartition('/')[2], Change(t, values)))  # without wire.hardware_id
+            out.append((node, Change(t, values)))
     return out

@@ -80,12 +80,34 @@ class WireParams:
             name = _SENSORS.get(topic.name, name)
         return name and self.frame_prefix + name
 
-    def outgoing(self, topic: topics.Topic, namespace: str) -> Callable[[bytes], bytes] | None:
-        """Return what changes the messages of a topic; None if nothing is to be changed."""
-        if self == WireParams():
+    def outgoing(
+        self, topic: topics.Topic, namespace: str, name: str,
+    ) -> Callable[[bytes], bytes] | None:
+        """
+        Return what changes the messages of a topic; None if nothing is to be changed.
+
+        On ``/diagnostics`` that all drones share, a node beside the drone ``/mambo`` adds its
+        namespace to the names of its statuses, also without a parameter that asks for it.
+
+        Parameters
+        ----------
+        topic
+            What is published.
+        namespace
+            Of the node.
+        name
+            Absolute name of the topic, after remapping.
+
+        """
+        space = namespace.strip('/')
+        if topic is not topics.DIAGNOSTICS or not space or (
+                not self.hardware_id
+                and (name != topic.name or namespace == topics.NAMESPACE)):
+            space = ''  # of statuses without it
+        if self == WireParams() and not space:
             return None
         if topic in (topics.TF, topics.TF_STATIC, topics.DIAGNOSTICS):
-            return lambda data: self._by_message(topic, namespace, data)
+            return lambda data: self._by_message(topic, space, data)
         if not (self.frame_prefix or self.sensor_frames):
             return lambda data: cdr.restamped(data, cdr.stamp_ns(data) + self.offset)
         return _Relabelled(self, topic)
@@ -101,8 +123,8 @@ class WireParams:
             return (t - offset, *values)
         return flight_time
 
-    def _by_message(self, topic: topics.Topic, namespace: str, data: bytes) -> bytes:
-        """Change a message that has a sequence, through its class."""
+    def _by_message(self, topic: topics.Topic, space: str, data: bytes) -> bytes:
+        """Change a message that has a sequence; statuses get the name of a space, if any."""
         message = deserialize_message(data, topic.msg_type)
         for one in getattr(message, 'transforms', ()):
             self._stamp(one.header)
@@ -110,9 +132,9 @@ class WireParams:
             one.child_frame_id = self.frame(topic, one.child_frame_id)
         if topic is topics.DIAGNOSTICS:
             self._stamp(message.header)
-            for status in message.status if self.hardware_id else ():
+            for status in message.status:
                 status.hardware_id = self.hardware_id
-                status.name = f'{namespace.strip("/")}/{status.name}'
+                status.name = f'{space}/{status.name}' if space else status.name
         return cdr.serialize(message)
 
     def _stamp(self, header: Any) -> None:

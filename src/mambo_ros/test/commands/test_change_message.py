@@ -26,7 +26,8 @@ def test_a_reader_of_diagnostics_sees_what_changed():
 
 def test_a_status_of_one_of_several_drones_is_read_too():
     data = change_message.encode(0, 'mambo2/sim_node', {'speed': 2.0})
-    assert change_message.decode(data)[0][0] == 'sim_node'
+    assert change_message.decode(data, '/mambo2')[0][0] == 'sim_node'
+    assert change_message.decode(data) == change_message.decode(data, '/mambo') == []
 
 
 def test_other_statuses_are_no_changes():

@@ -25,21 +25,22 @@ SAMPLES = {
 
 def changed(wire, topic, data=None):
     """Return a message as it is published, twice: the first and a later one are alike."""
-    change = wire.outgoing(topic, '/mambo1')
+    change = wire.outgoing(topic, '/mambo1', topics.full_name(topic, '/mambo1'))
     first, again = (change(SAMPLES[topic] if data is None else data) for _ in range(2))
     assert first == again
     return deserialize_message(first, topic.msg_type)
 
 
 def test_without_parameters_nothing_is_changed():
-    assert all(WireParams().outgoing(topic, '/mambo') is None for topic in topics.RECORDABLE)
+    assert all(WireParams().outgoing(topic, space, topics.full_name(topic, space)) is None
+               for topic in topics.RECORDABLE for space in ('/mambo', '/mambo1', '/'))
     assert WireParams().incoming(messages.decode_pose) is messages.decode_pose
 
 
 @pytest.mark.parametrize('topic', SAMPLES, ids=lambda topic: topic.name)
 def test_a_date_moves_the_stamp_alone_and_is_taken_out_again(topic):
     wire = WireParams(start_date=DATE)
-    data = wire.outgoing(topic, '/mambo')(SAMPLES[topic])
+    data = wire.outgoing(topic, '/mambo', topic.name)(SAMPLES[topic])
     assert cdr.stamp_ns(data) == OFFSET + T
     assert cdr.restamped(data, T) == SAMPLES[topic]
     if topic is topics.OPTITRACK:
@@ -77,6 +78,18 @@ def test_diagnostics_have_hardware_id_and_namespace():
     [status] = changed(WireParams(hardware_id='mambo1'), topics.DIAGNOSTICS, report).status
     assert (status.hardware_id, status.name, status.message) == (
         'mambo1', 'mambo1/sim_node', 'slow')
+
+
+def test_another_drone_on_the_shared_diagnostics_is_named_without_being_asked_to():
+    report = diagnostics.report(T, 'sim_node', diagnostics.WARN, 'slow', {'steps': 5})
+    name = topics.DIAGNOSTICS.name
+    beside = WireParams().outgoing(topics.DIAGNOSTICS, '/shadow', name)(report)
+    [status] = deserialize_message(beside, topics.DIAGNOSTICS.msg_type).status
+    assert (status.name, status.hardware_id, status.message) == ('shadow/sim_node', '', 'slow')
+    assert cdr.stamp_ns(beside) == T
+    for space in ('/mambo', '/'):
+        assert WireParams().outgoing(topics.DIAGNOSTICS, space, name) is None
+    assert WireParams().outgoing(topics.TF, '/shadow', topics.TF.name) is None
 
 
 @pytest.mark.parametrize('date, line', [
