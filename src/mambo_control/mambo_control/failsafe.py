@@ -27,8 +27,8 @@ STOPPED lasts until the controller is started again.
 Attitude, height and horizontal motion are taken from the estimate as long as it knows them. Height
 and horizontal motion are known while their published variances are within limits; an estimator
 that publishes no variances (zeros) is trusted. An estimate in flight that stays the same to
-the bit, though it moves and turns, is old: after ``STUCK`` its prediction takes its place, and
-after ``hold`` it is lost until it changes.
+the bit is old if it turns and moves, and if it turns at all while the reference goes ``AWAY``.
+After ``STUCK`` its prediction takes its place; after ``hold`` it is lost until it changes.
 
 **Descent.** From the initial position, velocity and yaw, the velocity blends to ``descent_speed``
 straight down within ``deceleration``, four times continuously differentiable, and the reference
@@ -86,6 +86,9 @@ STUCK = 0.02  # s for which an estimate that stays the same is used: one of 50 H
 STANDING = 1e-6  # m/s, beyond which a position changes in a step of 5 ms, despite rounding
 TURNING = 1e-3  # rad/s, a body rate that no vehicle has on the floor, where sensors without noise
 #                 repeat the same, and an estimate may stand at some cm/s
+QUIET = 1e-6  # rad/s, which a gyro with noise exceeds at rest, too; one without reads 0 there,
+#               also under a vehicle that is too heavy to follow its reference
+AWAY = 0.02  # m that a reference moves while an estimate beyond QUIET stays the same (judgement)
 SHOWN_TIME = 2.0  # s
 MOST_WRONG = (0.5, 1.5)  # mass shown over mass believed
 LEAST_THRUST = 0.1  # m/s^2 along the attitude of a reference that can be followed
@@ -197,7 +200,8 @@ class Memory(NamedTuple):
     descent: Descent  # the last one
     command: Command  # the last one
     seen: State  # the last estimate
-    stuck: float  # s for which it has stayed the same in flight, though it moves and turns
+    stuck: float  # s for which it has stayed the same in flight
+    asked: Vec3  # m, where the reference was when it last changed, inertial NED
 
 
 class Known(NamedTuple):
@@ -219,7 +223,7 @@ def begin(gains: controllers.Gains) -> Memory:
     return Memory(
         control, FLYING, REASON_NONE, 0.0, 0.0, 0.0, _REST, _POINT, trajectory.GROUND,
         Shown(0.0, 0.0), Descent(_ZERO, _ZERO, 0.0, 0.0, 0.0),
-        controllers.stopped(control, REASON_NONE), _REST, 0.0)
+        controllers.stopped(control, REASON_NONE), _REST, 0.0, _ZERO)
 
 
 def describe(stage: int, reason: int) -> str:
@@ -391,7 +395,7 @@ def _stop(memory: Memory, reason: int) -> tuple[Memory, Command]:
     return Memory(
         memory.control, STOPPED, reason, memory.estimate_lost, memory.reference_lost,
         memory.crash, memory.state, memory.ref, memory.phase, memory.shown, memory.descent,
-        command, memory.seen, memory.stuck), command
+        command, memory.seen, memory.stuck, memory.asked), command
 
 
 @jit
@@ -418,7 +422,7 @@ def _descend(
     return Memory(
         control, stage, reason, memory.estimate_lost, memory.reference_lost, crash, state,
         memory.ref, memory.phase, memory.shown, Descent(d.rho, d.v, d.yaw, d.time + dt, still),
-        command, memory.seen, memory.stuck), command
+        command, memory.seen, memory.stuck, memory.asked), command
 
 
 @jit
@@ -426,7 +430,7 @@ def _with_control(m: Memory, control: controllers.Memory) -> Memory:
     """Return the memory with another one of the control law."""
     return Memory(
         control, m.stage, m.reason, m.estimate_lost, m.reference_lost, m.crash, m.state, m.ref,
-        m.phase, m.shown, m.descent, m.command, m.seen, m.stuck)
+        m.phase, m.shown, m.descent, m.command, m.seen, m.stuck, m.asked)
 
 
 @jit_inside
@@ -454,16 +458,22 @@ def _follow(
     return Memory(
         control, stage, reason, memory.estimate_lost, memory.reference_lost, crash, state,
         memory.ref, memory.phase, shown, memory.descent, command, memory.seen,
-        memory.stuck), command
+        memory.stuck, memory.asked), command
 
 
 @jit
-def _stuck(memory: Memory, state: State, dt: float) -> float:
-    """Return for how long in s an estimate has stayed the same though it moves and turns."""
+def _stays(memory: Memory, state: State) -> bool:
+    """Tell whether an estimate is the last one to the bit."""
     a = memory.seen
-    same = a.rho == state.rho and a.nu == state.nu and a.q == state.q and a.omega == state.omega
-    moves = norm(state.nu) > STANDING and norm(state.omega) > TURNING
-    return memory.stuck + dt if same and moves else 0.0
+    return a.rho == state.rho and a.nu == state.nu and a.q == state.q and a.omega == state.omega
+
+
+@jit
+def _old(state: State, stuck: float, away: float, dt: float) -> bool:
+    """Tell whether an estimate that stuck for some s is old; its reference has gone away m."""
+    rate = norm(state.omega)
+    return stuck > STUCK + 0.5 * dt and (
+        rate > TURNING and norm(state.nu) > STANDING or rate > QUIET and away > AWAY)
 
 
 @jit_inside
@@ -519,12 +529,15 @@ def step(
             and spread.tilt > p.takeoff_tilt_std * p.takeoff_tilt_std):
         return _stop(memory, REASON_ALIGNMENT)
     aloft = trajectory.in_flight(phase) or memory.stage > HOLDING
-    have, stuck = known(state, spread, aloft, p), _stuck(memory, state, dt) if aloft else 0.0
+    have = known(state, spread, aloft, p)
+    stays = aloft and _stays(memory, state)
+    stuck = memory.stuck + dt if stays else 0.0
+    asked = memory.asked if stays else ref.rho
     hold = p.hold + 0.5 * dt  # whole steps, whatever their sum is rounded to
     complete = have.attitude and have.vertical and have.horizontal
     estimate_lost = 0.0 if complete else memory.estimate_lost + dt
     seen = state
-    if stuck > STUCK + 0.5 * dt:
+    if _old(state, stuck, norm(sub(ref.rho, asked)), dt):
         have, complete = Known(False, False, False), False
         estimate_lost = max(estimate_lost, stuck if stuck > hold else 0.0)
     reference_lost = 0.0 if followed else memory.reference_lost + dt
@@ -536,7 +549,7 @@ def step(
     memory = Memory(
         memory.control, memory.stage, memory.reason, estimate_lost, reference_lost, memory.crash,
         memory.state, ref, phase, memory.shown, memory.descent, memory.command, seen,
-        stuck)
+        stuck, asked)
     if stage == STOPPED:
         return _stop(memory, reason)
     if stage == LANDING or stage == DESCENDING_BLIND:

@@ -136,6 +136,26 @@ def test_an_estimate_that_rests_or_changes_is_followed(changed):
         assert one.stage == FLYING
 
 
+def test_an_estimate_that_froze_before_the_take_off_is_lost_in_it():
+    one, frozen = Controller(), hovering(0.0)._replace(omega=(0.0, 2e-5, 0.0))
+    for _ in range(50):
+        one.answer(frozen, reference(ZERO), phase=GROUND)
+    for k in range(100):
+        one.answer(frozen, reference((0.0, 0.0, -0.004 * k)), phase=TAKEOFF)
+        assert (one.stage == FLYING) == (k < HOLD)
+        assert one.stage in (FLYING, DESCENDING_BLIND, STOPPED)
+    for _ in range(50):
+        command = one.answer(frozen, reference((0.0, 0.0, -0.4)), phase=TAKEOFF)
+    assert (one.stage, command.reason) == (STOPPED, safety.REASON_ESTIMATE)
+
+
+def test_without_noise_an_estimate_may_stay_the_same_under_a_reference_that_climbs():
+    one = Controller()  # as of a vehicle that is too heavy
+    for k in range(300):
+        one.answer(hovering(0.0), reference((0.0, 0.0, -0.004 * k)), phase=TAKEOFF)
+        assert one.stage == FLYING
+
+
 @pytest.mark.parametrize('phase', [GROUND, LANDED])
 def test_on_the_ground_an_estimate_may_stay_the_same(phase):
     one = Controller()

@@ -118,13 +118,17 @@ def failure(flight: Scenario, r: closed_loop.Recording, metrics: Mapping[str, An
 
 
 def _remarks(flight: Scenario, r: closed_loop.Recording) -> list[str]:
-    """Return lines about a flight that lands and was over in the air, and poses not used."""
+    """Return lines about a landing in the air, poses not used, and commands that were cut."""
     reference, lines = flight.reference_node, []
     if reference.commands.enabled or reference.plan.landing_time:
         lines.append(over_in_the_air(float(-r.truth[-1, 2]), bool((r.pwm[-1] > 0.0).any())))
     if r.located is not None:
         lines.append(capture_columns.unused(
             r.t * 1e-9, r.located, flight.estimator_node.joint.pose.max_age))
+    limit = flight.sim_node.simulator.vehicle.pwm_max
+    if share := (r.pwm > limit).any(axis=1).mean():
+        lines.append(f'{100.0 * share:.1f} % of the steps had a motor command above pwm_max of '
+                     f'the vehicle: limited to {limit:g}')
     return [line for line in lines if line]
 
 

@@ -263,7 +263,10 @@ def test_a_landing_that_does_not_end_and_a_fall_after_one_are_told(monkeypatch, 
               '--set', 'reference_node.plan.landing_time=11']
     assert fly.main(flight) == 0
     assert ('hover: the flight was over in the air, 1.50 m high: no landing ended within its '
-            'duration\n') in capsys.readouterr().out
+            'duration\n') in (out := capsys.readouterr().out) and 'pwm_max' not in out
+    assert fly.main([*flight, '--set', 'sim_node.simulator.vehicle.pwm_max=265']) == 0
+    assert ('hover: 100.0 % of the steps had a motor command above pwm_max of the vehicle: '
+            'limited to 265\n') in capsys.readouterr().out
     made.phase[2], made.truth[2, 2], made.pwm[2] = trajectory.LANDED, -0.9, 0.0
     assert fly.main(flight) == 1
     assert 'with the vehicle 0.90 m above the floor: it fell from there' in capsys.readouterr().err

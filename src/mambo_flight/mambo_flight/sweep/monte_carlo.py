@@ -74,9 +74,15 @@ START = Tally(
 
 
 @jit
+def _limits(believed: VehicleValues, vehicle: VehicleValues) -> tuple[float, float]:
+    """Return the PWM at which a motor is saturated: the controller's limit, or the vehicle's."""
+    return (max(believed.pwm_min, vehicle.pwm_min), min(believed.pwm_max, vehicle.pwm_max))
+
+
+@jit
 def count(
     a: Tally, t: float, truth: Vec3, estimate: Vec3, reference: Vec3, phase: int,
-    pwm: Four, stopped: bool, reason: int, vv: VehicleValues, thrust: Four,
+    pwm: Four, stopped: bool, reason: int, limits: tuple[float, float], thrust: Four,
 ) -> Tally:
     """
     Return the tally after one more control step.
@@ -93,8 +99,8 @@ def count(
         Motor commands.
     stopped, reason
         Whether the motors are shut down, and why.
-    vv
-        Vehicle model of the controller, for its PWM limits.
+    limits : (2,) PWM
+        Within which the motors are not saturated, of :func:`_limits`.
     thrust : (4,) N
         Of the rotors of the true vehicle at the end of the step.
 
@@ -110,7 +116,7 @@ def count(
     if stopped and math.isnan(at) and phase != LANDED:
         at = t
     runs = int(highest > 0.0)
-    cut = int(highest > 0.0 and (highest >= vv.pwm_max or lowest <= vv.pwm_min))
+    cut = int(highest > 0.0 and (highest >= limits[1] or lowest <= limits[0]))
     flown, top, since = in_flight(phase), max(a.top, -truth[2]), math.nan
     if flown and lies_below(-truth[2], -reference[2]):
         since = t if math.isnan(a.down_since) else a.down_since
@@ -212,7 +218,7 @@ def _count_all(
     options,
 ):
     """Return the tally of a recorded flight, whose motors begin with the plant ``motors``."""
-    out = START
+    out, limits = START, _limits(vv, vehicle)
     for k in range(len(t)):
         x, y, z, p = truth[k], estimate[k], reference[k], pwm[k]
         command, thrust = (p[0], p[1], p[2], p[3]), _STILL
@@ -222,7 +228,7 @@ def _count_all(
             thrust = motors.thrust
         out = count(
             out, t[k] * 1e-9, (x[0], x[1], x[2]), (y[0], y[1], y[2]), (z[0], z[1], z[2]),
-            phase[k], command, stopped[k], reason[k], vv, thrust)
+            phase[k], command, stopped[k], reason[k], limits, thrust)
     return out
 
 
@@ -262,6 +268,7 @@ class _Ideal(NamedTuple):
 def _fly_ideal(state, air, rng, control, steps, p):
     """Return the tally of a flight on the true state; :func:`fly_many` fills the arguments."""
     tally, vehicle, vv = START, p.reference_vehicle, p.controller_vehicle
+    limits = _limits(vv, p.vehicle)
     for k in range(steps):
         t = k * STEP_NS * 1e-9
         air = wind.step(air, k, rng, p.noise, p.wind)
@@ -276,7 +283,8 @@ def _fly_ideal(state, air, rng, control, steps, p):
                 p.plant.length_gain, wind.air_velocity(air), p.plant.floor)
             thrust = state.thrust
         tally = count(
-            tally, t, body.rho, body.rho, ref.rho, phase, c.pwm, c.shutdown, c.reason, vv, thrust)
+            tally, t, body.rho, body.rho, ref.rho, phase, c.pwm, c.shutdown, c.reason, limits,
+            thrust)
     return tally
 
 

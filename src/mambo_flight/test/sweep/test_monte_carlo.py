@@ -91,7 +91,7 @@ def test_the_energy_is_that_of_the_true_rotors(overrides):
 def count(tally, t, off, stopped=False, reason=0, pwm=(100.0,) * 4, phase=2):
     return monte_carlo.count(
         tally, t, (off, 0.0, 0.0), (off, 0.0, 2.0), (0.0, 0.0, 0.0), phase, pwm, stopped, reason,
-        Vehicle().values(), (0.2,) * 4)
+        (10.0, 500.0), (0.2,) * 4)
 
 
 def test_a_shutdown_is_told_with_its_first_instant_and_its_reason():
@@ -147,6 +147,22 @@ def test_what_is_not_in_flight_counts_for_the_end_alone():
     assert monte_carlo.metrics(low, Vehicle())['saturated_share'] == 1.0
 
 
+@pytest.mark.parametrize('believed, true', [
+    ((10.0, 290.0), (0.0, 500.0)), ((0.0, 500.0), (10.0, 290.0)), ((0.0, 290.0), (10.0, 295.0))])
+def test_motors_are_saturated_at_the_limits_of_the_controller_and_of_the_vehicle(believed, true):
+    limits = {f'{vehicle}.{name}': value for vehicle, pair in (
+        ('controller_node.vehicle', believed), ('sim_node.simulator.vehicle', true))
+        for name, value in zip(('pwm_min', 'pwm_max'), pair)}
+    flight = scenario(
+        estimator='ground_truth', trajectory='circle', duration=8.0, land=False, overrides=limits)
+    (row,) = monte_carlo.fly_many([flight])
+    pwm = recorded(flight)[0].pwm
+    limited = ((pwm >= 290.0) | (pwm <= 10.0)).any(axis=1)
+    running = pwm.max(axis=1) > 0.0
+    assert row['saturated_share'] == (limited & running).sum() / running.sum() > 0.02
+    assert row == monte_carlo.fly_with_sensors(flight) | {'shutdown_time': row['shutdown_time']}
+
+
 @pytest.mark.parametrize('given', [
     {'duration': 1.0}, {'duration': 6.0, 'overrides': {'sim_node.simulator.vehicle.mass': 0.2}}])
 def test_a_flight_that_never_took_off_has_no_errors_in_flight(given):
@@ -178,7 +194,8 @@ def test_any_flight_has_the_metrics_of_its_arrays(steps):
     tally, vehicle = monte_carlo.START, Vehicle()
     for k, (truth, estimate, reference, phase, pwm, stopped) in enumerate(steps):
         tally = monte_carlo.count(tally, 0.005 * k, truth, estimate, reference, phase, pwm,
-                                  stopped, 3 if stopped else 0, vehicle.values(), (0.2,) * 4)
+                                  stopped, 3 if stopped else 0,
+                                  (vehicle.pwm_min, vehicle.pwm_max), (0.2,) * 4)
     row = monte_carlo.metrics(tally, vehicle)
     truth, estimate, reference, phase, pwm, stopped = map(np.array, zip(*steps))
     flown = (phase > GROUND) & (phase < LANDED)
@@ -214,7 +231,7 @@ def test_a_fall_is_counted_as_it_is_judged_in_a_bag(runs):
         truth = 0.0, 0.0, z
         tally = monte_carlo.count(
             tally, now, truth, truth, (0.0, 0.0, asked), part, (200.0 * turns,) * 4, False, 0,
-            Vehicle().values(), zero)
+            (10.0, 500.0), zero)
     row = monte_carlo.metrics(tally, Vehicle(), standing=True)
     assert row['fallen'] == bool(
         height_fault(t, height, wanted, phase) or landing_fault(t, height, phase, turning))
@@ -229,7 +246,7 @@ def test_a_vehicle_that_hits_the_floor_has_fallen(speed):
     for now, z in zip(t, -height):
         tally = monte_carlo.count(
             tally, now, (0.0, 0.0, z), (0.0, 0.0, z), (0.0, 0.0, 0.0), TRACK, (200.0,) * 4, False,
-            0, Vehicle().values(), zero)
+            0, (10.0, 500.0), zero)
     assert monte_carlo.metrics(tally, Vehicle())['fallen'] == (speed > 2.0) == bool(
         landing_fault(t, height, np.full(400, TRACK), np.ones(400, bool)))
 
@@ -247,7 +264,7 @@ def test_a_flight_strays_as_it_is_judged_in_a_bag(runs):
         truth = 0.6 * y, -0.8 * y, z
         tally = monte_carlo.count(
             tally, now, truth, truth, (0.0, 0.0, asked), part, zero, False, 0,
-            Vehicle().values(), zero)
+            (10.0, 500.0), zero)
     row = monte_carlo.metrics(tally, Vehicle(), floor=False)
     assert row['strayed'] == bool(
         height_fault(t, height, wanted, phase, False) or distance_fault(t, beside, phase))
