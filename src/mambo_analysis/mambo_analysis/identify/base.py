@@ -27,6 +27,25 @@ class Base(NamedTuple):
     kept: dict[str, tuple[Any, str]]      # {name: (value, source)} in which ``vehicle`` differs
     notes: tuple[str, ...] = ()           # where it comes from, if that was not said
     simulated: bool = False               # whether the bag holds the scenario of its flight
+    battery: bool = True                  # False: simulated without one, so nothing sagged
+
+    def unless_sagged(self, doubt: str, values: str, remedy: str) -> list[str]:
+        """
+        Return a note that values hold only if the battery did not sag; none if there was none.
+
+        Parameters
+        ----------
+        doubt
+            Why a sag is not accounted for.
+        values
+            What a sag would falsify.
+        remedy
+            What to do.
+
+        """
+        if not self.battery:
+            return []
+        return [f'{doubt}: {values} hold only if the battery did not sag; {remedy}']
 
 
 def flown(bag: Bag) -> Scenario | None:
@@ -83,17 +102,19 @@ def choose(given: str | None, flight: Scenario | None) -> Base:
             f'no --base and no scenario in the bag: all else is as of {DEFAULT}, a Mambo',)
         return Base(find(given or DEFAULT), given or DEFAULT, {}, notes)
     vehicle = flight.sim_node.simulator.vehicle
+    battery = vehicle.battery.enabled
     if given:
         differ = _differing(find(given), vehicle)
         notes = (f'--base: {given} is not the vehicle of the scenario: they differ in '
                  f'{_listed(differ)}',) if differ else ()
-        return Base(find(given), given, {}, notes, simulated)
+        return Base(find(given), given, {}, notes, simulated, battery)
     name = min(PRESETS, key=lambda known: len(_differing(PRESETS[known], vehicle)))
     differ, values = _differing(PRESETS[name], vehicle), flatten(vehicle)
     kept = {key: (values[key], 'as the scenario of the flight') for key in differ}
     note = f'the base is the vehicle of the scenario: {name}'
     return Base(vehicle, name, kept, (
-        f'{note}, with another {_listed(differ)}' if differ else note,), simulated)
+        f'{note}, with another {_listed(differ)}' if differ else note,), simulated,
+        battery)
 
 
 def of_bag(given: str | None, path: Path, namespace: str | None) -> Base:

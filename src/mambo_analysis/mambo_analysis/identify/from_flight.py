@@ -20,7 +20,7 @@ import numpy as np
 from . import result
 from ..twin import identify_flight
 from ..twin.force import Found
-from ..twin.identify_flight import drag_parameters, METHOD, reading_notes
+from ..twin.identify_flight import drag_parameters, METHOD, reading_notes, voltage_notes
 from ..twin.recorded import GRAVITY, Recorded
 from .base import Base, based
 from .regression import IdentifyError, Value
@@ -95,10 +95,11 @@ def drag_report(flight: Flight, part: str) -> result.Report:
     if not mean > 0.0:
         raise IdentifyError(f'{flight.name}: a drag of {mean:.3g} 1/s drives the vehicle: check '
                             'axes and signs of velocity and accelerometer')
+    sag = voltage_notes(flight.found, flight.base, 'drag z') if part == 'vertical' else []
     return based(result.Report(
         f'{part} drag of {flight.name}', values, flight.facts(),
         [f'{flight.unknown}the drag is that of the accelerometer against the velocity of '
-         'the motion capture, per mass', *reading_notes(flight.recorded)],
+         'the motion capture, per mass', *sag, *reading_notes(flight.recorded)],
         drag_parameters(flight.found, f'identify_drag, {flight.name}'),
         _draw(flight, AXES[part]), method=METHOD), flight.base)
 
@@ -116,6 +117,7 @@ def thrust_report(flight: Flight) -> result.Report:
         {**flight.facts(), 'a [N]': f'{a:.6g}', 'hover command': hover},
         [f'{flight.unknown}thrust is mass times specific force, over the command and the '
          'voltage of the battery; a holds at the mean voltage and belongs to b',
+         *voltage_notes(flight.found, flight.base, 'a, b and the hover command'),
          *identify_flight.command_notes(flight.name, hover, flight.vehicle),
          *reading_notes(flight.recorded)],
         {'mass': (mass, 'as given, or of the base'), 'thrust_map': ('power', source),
@@ -133,6 +135,7 @@ def motor_report(flight: Flight) -> result.Report:
         {**flight.facts(), 'exponent of the map': flight.found.model.exponent},
         [f'{flight.unknown}the motor map is that of this flight, with its battery',
          'a delay of the commands counts as lag, late stamps of theirs as less',
+         *voltage_notes(flight.found, flight.base, 'lag and exponent'),
          *reading_notes(flight.recorded)],
         {'motor_time_constant': (lag.value, _source('identify_motor', flight, lag))},
         _draw(flight, 'z'), method=METHOD), flight.base)

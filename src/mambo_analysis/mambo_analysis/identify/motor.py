@@ -321,7 +321,11 @@ def main(arguments: list[str] | None = None) -> int:
             {'accelerometer offset [m/s^2]': found.offset,
              'rms residual [m/s^2]': found.fit.rms, 'rms without lag [m/s^2]': found.without,
              'samples': found.samples, 'order of the residual': found.fit.order[0]},
-            ['a delay of the commands counts as lag, late stamps of theirs as less'],
+            ['a delay of the commands counts as lag, late stamps of theirs as less',
+             *base.unless_sagged(
+                 'the map of the base holds at one battery voltage',
+                 'lag and thrust over that of the map',
+                 'record voltage and motion, and give --map flight')],
             {'motor_time_constant': (value.value, source)}, _draw(found)), base)
     return result.run('identify_motor', options, work)
 

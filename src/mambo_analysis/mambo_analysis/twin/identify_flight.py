@@ -185,6 +185,25 @@ def battery_notes(name: str, volts: Floats, pace: float = np.nan) -> list[str]:
     return lines
 
 
+def voltage_notes(found: Found, base: Base, values: str) -> list[str]:
+    """
+    Return a note if the battery of a flight may have sagged and its voltage is not known.
+
+    Parameters
+    ----------
+    found, base
+        Of the flight.
+    values
+        What a sag would falsify.
+
+    """
+    if np.isfinite(found.model.voltage):
+        return []
+    return base.unless_sagged(
+        f'no battery voltage in the recording, or one less often than every {BATTERY_GAP:g} s',
+        values, 'record the voltage, as topic battery')
+
+
 def reading_notes(flight: Recorded) -> list[str]:
     """Return how a flight was read where it is not as usual, one line each."""
     lines = []
@@ -290,12 +309,10 @@ def identify(
                      'before take-off')
     if flight.has_flow:
         notes.append('it has optical flow: mambo identify flow gives its factor')
-    notes.append(f'per mass; thrust and tilt hold at {found.model.voltage:.2f} V'
-                 if np.isfinite(found.model.voltage) else
-                 f'no battery voltage in the recording, or one less often than every '
-                 f'{BATTERY_GAP:g} s: drag z, exponent, motor lag and inertia hold only if it did '
-                 'not sag')
-    notes += [*command_notes(path.name, hover.value, start),
+    if np.isfinite(found.model.voltage):
+        notes.append(f'per mass; thrust and tilt hold at {found.model.voltage:.2f} V')
+    notes += [*voltage_notes(found, whole, 'drag z, exponent, motor lag and inertia'),
+              *command_notes(path.name, hover.value, start),
               *(lag_notes(path.name, found.model.lag, start)
                 if 'motor lag' in values else []), *reading_notes(flight)]
     angles = np.degrees(flight.mounting[:2])

@@ -50,6 +50,15 @@ def test_the_vehicle_of_the_scenario_is_the_base():
     assert found.notes[0].endswith('crazyflie, with another mass') and found.simulated
 
 
+@pytest.mark.parametrize('given', [None, 'crazyflie'])
+def test_only_a_simulation_without_battery_cannot_sag(given):
+    sound = choose(given, of_vehicle('identified'))
+    assert not sound.unless_sagged('no voltage', 'a and b', 'record it')
+    told = ['no voltage: a and b hold only if the battery did not sag; record it']
+    for flight in (of_vehicle('identified', **{'battery.enabled': True}), None):
+        assert choose(given, flight).unless_sagged('no voltage', 'a and b', 'record it') == told
+
+
 def test_a_base_that_contradicts_the_scenario_is_noted():
     found = choose('identified', of_vehicle('crazyflie'))
     assert found.vehicle == preset('identified') and found.name == 'identified'
@@ -62,7 +71,7 @@ def test_without_a_scenario_the_default_is_named_and_a_given_base_is_not():
     assert choose(None, None).notes == (
         'no --base and no scenario in the bag: all else is as of identified, a Mambo',)
     found = choose('crazyflie', None)
-    assert found == (preset('crazyflie'), 'crazyflie', {}, (), False)
+    assert found == (preset('crazyflie'), 'crazyflie', {}, (), False, True)
 
 
 def test_a_report_gets_the_base_and_the_file_what_is_kept_of_it():

@@ -131,6 +131,23 @@ def test_a_flight_without_battery_says_so(tmp_path):
     assert flight.vehicle.mass == preset('crazyflie').mass
 
 
+def test_a_battery_without_voltage_is_told_beside_what_it_falsifies(tmp_path):
+    flight = from_flight.read(bag(tmp_path), 'crazyflie', None, None)
+    reports = {'a, b and the hover command': from_flight.thrust_report,
+               'lag and exponent': from_flight.motor_report,
+               'drag z': lambda one: from_flight.drag_report(one, 'vertical'),
+               '': lambda one: from_flight.drag_report(one, 'horizontal')}
+    silent = flight.found._replace(model=flight.found.model._replace(voltage=float('nan')))
+    unknown = flight._replace(found=silent)
+    supplied = unknown._replace(base=unknown.base._replace(battery=False))
+    for values, report in reports.items():
+        notes = ' '.join(report(unknown).notes)
+        assert (f'{values} hold only if the battery did not sag; record the voltage' in notes
+                ) == bool(values)
+        for one in (flight, supplied):
+            assert 'did not sag' not in ' '.join(report(one).notes)
+
+
 def test_a_drag_that_drives_is_refused(tmp_path):
     flight = from_flight.read(bag(tmp_path), 'crazyflie', None, None)
     turned = {name: value._replace(value=-value.value) for name, value in

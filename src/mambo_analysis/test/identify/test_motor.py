@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from interval_checks import assert_covers
+from mambo_analysis.identify import motor
 from mambo_analysis.identify.motor import fit_flight, fit_motor, from_recording, in_flight, main
 from mambo_analysis.identify.regression import IdentifyError
 from mambo_flight import closed_loop
@@ -137,6 +138,16 @@ def test_the_command_reads_a_bag_and_writes_a_vehicle(tmp_path, capsys):
     assert (tmp_path / 'identify_motor.png').stat().st_size > 10000
     assert main([str(BAG), '--namespace', 'x']) == 2
     assert capsys.readouterr().err.startswith('identify_motor: ')
+
+
+@pytest.mark.parametrize('battery', [False, True])
+def test_a_battery_that_may_have_sagged_is_told(monkeypatch, capsys, battery):
+    whole = motor.of_bag
+    monkeypatch.setattr(motor, 'of_bag', lambda *arguments: whole(*arguments)._replace(
+        battery=battery))
+    assert main([str(BAG)]) == 0
+    assert ('lag and thrust over that of the map hold only if the battery did not sag; record '
+            'voltage and motion, and give --map flight' in capsys.readouterr().out) == battery
 
 
 def test_commands_that_are_not_those_of_the_base_say_so(tmp_path, capsys):

@@ -4,11 +4,12 @@ from dataclasses import replace
 import json
 
 from flown import bag, flight, SPIN, steered, STRAIGHT, table_of, TRUE
+from mambo_analysis.identify.base import choose
 from mambo_analysis.identify.regression import IdentifyError
 from mambo_analysis.twin.force import fit_force
 from mambo_analysis.twin.identify_flight import (
     battery_notes, command_notes, drag_parameters, hover_command, known_lag, lag_notes, main,
-    reading_notes)
+    reading_notes, voltage_notes)
 from mambo_analysis.twin.recorded import GRAVITY
 from mambo_model.vehicle.parameters import load, preset
 import numpy as np
@@ -173,6 +174,17 @@ def test_a_battery_that_never_changes_is_told():
         reading_notes(constant))
     absent = plain._replace(voltage=np.full_like(plain.voltage, np.nan))
     assert not any('battery' in line for line in reading_notes(absent))
+
+
+def test_a_battery_of_unknown_voltage_is_told_unless_there_was_none():
+    found, base = fit_force(flight(), blocks=0), choose('crazyflie', None)
+    unknown = found._replace(model=found.model._replace(voltage=float('nan')))
+    line, = voltage_notes(unknown, base, 'drag z')
+    assert line.startswith('no battery voltage in the recording')
+    assert line.endswith('drag z hold only if the battery did not sag; record the voltage, as '
+                         'topic battery')
+    assert not voltage_notes(found, base, 'drag z')
+    assert not voltage_notes(unknown, base._replace(battery=False), 'drag z')
 
 
 @pytest.mark.parametrize('volts, said', [
