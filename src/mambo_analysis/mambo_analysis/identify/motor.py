@@ -65,11 +65,16 @@ class Motor(NamedTuple):
     time_constant: Value  # s
     gain: Value           # 1, thrust over mass, over that of the vehicle
     offset: float         # m/s^2, of the accelerometer
-    without: float        # m/s^2, rms of what is left with no lag
+    without: float        # m/s^2, rms about the mean of what is left with no lag
     t: Floats             # (m,) s, of the means that were compared
     measured: Floats      # (m,) m/s^2
     fit: regression.Fit
     samples: int          # control steps that were compared
+
+    @property
+    def rms(self) -> float:
+        """Return the rms about the mean of what is left with the lag, m/s^2."""
+        return float(np.std(self.fit.residual))
 
 
 @jit
@@ -145,7 +150,7 @@ def fit_motor(t: Floats, pwm: Floats, acceleration: Floats, vehicle: Vehicle) ->
     value = Value(*(_time_constant(x - 1.0, dt) for x in found.value(0, '1')[:3]), 's')
     if not value.half < 0.5 * LONGEST:
         raise IdentifyError('this flight does not show the lag: fly one with quick commands')
-    offset = float(np.mean(measured - found.residual[:, 0] - model(found.theta)[:, 0]))
+    offset = float(np.mean(measured - model(found.theta)[:, 0]))
     rest = measured - means(found.theta[1] * predicted(0.0)) - offset
     return Motor(
         value, found.value(1, '1'), offset, float(np.std(rest)), means(t), measured, found,
@@ -319,7 +324,7 @@ def main(arguments: list[str] | None = None) -> int:
             f'lag of the motors of {options.bag.name}',
             {'time constant': value, 'thrust over that of the map': found.gain},
             {'accelerometer offset [m/s^2]': found.offset,
-             'rms residual [m/s^2]': found.fit.rms, 'rms without lag [m/s^2]': found.without,
+             'rms residual [m/s^2]': found.rms, 'rms without lag [m/s^2]': found.without,
              'samples': found.samples, 'order of the residual': found.fit.order[0]},
             ['a delay of the commands counts as lag, late stamps of theirs as less',
              *base.unless_sagged(

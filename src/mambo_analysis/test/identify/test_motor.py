@@ -150,6 +150,14 @@ def test_a_battery_that_may_have_sagged_is_told(monkeypatch, capsys, battery):
             'voltage and motion, and give --map flight' in capsys.readouterr().out) == battery
 
 
+def test_residuals_with_and_without_lag_are_about_their_means_under_drift():
+    pwm = commands()
+    falling = sensed(pwm, 0.03, noise=0.02) + 0.5 * T / T[-1]
+    found = fit_motor(T, pwm, falling, MAMBO)
+    assert found.rms < found.without  # beside the mean of a drift the rms would be larger
+    assert found.offset == pytest.approx(0.3 + 0.25, abs=0.1)  # and the mean of the drift
+
+
 def test_commands_that_are_not_those_of_the_base_say_so(tmp_path, capsys):
     weak = tmp_path / 'weak.yaml'
     weak.write_text('description: weak\nbase: identified\n'
