@@ -27,6 +27,7 @@ from scipy import optimize, stats
 
 from . import columns, from_flight, regression, result
 from .regression import IdentifyError, LEVEL, Value
+from .thrust_terms import described, LEAST_REPEATED, systematic, weighted
 
 Floats = NDArray[np.float64]
 
@@ -38,8 +39,7 @@ REACH = (0.5, 1.5)  # largest command of a bench over the limit of the base; 0.9
 LIKE = (0.4, 2.5)  # thrust over that of the base at the largest command; 0.8 on a real bench
 MISSED = 0.02  # [-] RMS of mean thrusts, that is told
 SURE = 1e-3  # of the F test of lack of fit
-LEAST_SCATTER = 12  # readings, beyond one at each command, that tell whether their error grows
-ROUNDS = 20  # of a weighted fit
+LEAST_SCATTER = LEAST_REPEATED  # readings that tell whether their error grows
 CLEARLY = 4.0  # of the log-likelihood, for an error that does not; by chance in 0.2 %
 PRECISE = {'maxiter': 4000, 'maxfev': 4000, 'xatol': 1e-7, 'fatol': 1e-7}
 USUAL = (1.0, 2.5)  # exponent of the map of a rotor: 1.47 in the thesis
@@ -131,7 +131,7 @@ def _fit(X: Floats, T: Floats, used: NDArray[np.bool_]) -> Thrust:
     covariance = float(rest @ rest) / (len(X) - 2) * np.linalg.inv(A.T @ A)
     errors = _repeated(X, T) or ()
     if errors:
-        (log_a, b), covariance = _weighted(X, T, (log_a, b), *errors)
+        (log_a, b), covariance, _ = weighted(A, T, np.array([log_a, b]), *errors)
     sd = np.sqrt(np.diag(covariance)) * stats.t.ppf(0.5 + 0.5 * LEVEL, len(X) - 2)
     return Thrust(
         Value(gain, gain - half, gain + half, 'PWM/N'),
@@ -191,19 +191,6 @@ def _repeated(X: Floats, T: Floats) -> tuple[float, float] | None:
     again = share > 0.0
     return _scatter((T[again] / mean[again] - 1.0) / np.sqrt(share[again]), mean[again],
                     share[again])
-
-
-def _weighted(
-    X: Floats, T: Floats, start: Floats, s_0: float, s_1: float,
-) -> tuple[Floats, Floats]:
-    """Return log a and b, (2,), of the largest likelihood for known errors; and covariance."""
-    theta, A = np.asarray(start, float), np.stack([np.ones(len(X)), np.log(X)], axis=1)
-    for _ in range(ROUNDS):
-        mean = np.exp(A @ theta)
-        sigma = np.hypot(s_1 * mean, s_0)
-        slope, rest = A * (mean / sigma)[:, None], (T - mean) / sigma
-        theta = theta + np.linalg.lstsq(slope, rest)[0]
-    return theta, float(rest @ rest) / (len(X) - 2) * np.linalg.inv(slope.T @ slope)
 
 
 def weighed(found: Thrust) -> str:
@@ -323,6 +310,14 @@ def _changed(found: Thrust, source: str) -> dict[str, tuple[Any, str]]:
         'power_b': (found.b.value, f'{source}, 95 %: {found.b.low:.4g} to {found.b.high:.4g}')}
 
 
+def _doubts(X: Floats, T: Floats, found: Thrust, step: float) -> list[str]:
+    """Return in words what speaks against the intervals; empty where nothing does."""
+    terms = systematic(X, T, np.array([np.log(found.a.value), found.b.value]),
+                       found.scale_error, found.share_error)
+    return [uneven(X, T, found) or unrepeated(X, found), misfit(X, T, found),
+            described(terms), coarse(T, step)]
+
+
 def _report(
     options: argparse.Namespace, pwm: Floats, thrust: Floats, step: float,
 ) -> result.Report:
@@ -367,10 +362,7 @@ def _report(
         notes.append(f'the thrust grows with the command to the power {found.b.value:.3g}; of '
                      f'rotors {USUAL[0]:g} to {USUAL[1]:g} are usual: check the zero of the scale '
                      'and of the command')
-    readings = pwm[found.used], thrust[found.used]
-    notes += filter(None, [
-        uneven(*readings, found) or unrepeated(readings[0], found), misfit(*readings, found),
-        coarse(readings[1], step)])
+    notes += filter(None, _doubts(pwm[found.used], thrust[found.used], found, step))
     report = result.Report(
         f'motor map of {options.file.name}',
         {'linear gain': found.gain, 'a': found.a, 'b': found.b}, facts, notes, changed,

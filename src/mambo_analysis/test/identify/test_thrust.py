@@ -307,3 +307,33 @@ def test_readings_of_a_coarse_display_are_told_and_no_copies(tmp_path, capsys):
     np.savetxt(file, fine, '%.3f', ',', header='pwm,thrust', comments='')
     assert thrust.main([str(file), '--unit', 'g', '--base', 'identified']) == 0
     assert 'multiples of' not in capsys.readouterr().out
+
+
+def printed(tmp_path, capsys, X, T):
+    """Return what the command prints of readings."""
+    file = tmp_path / 'bench.csv'
+    np.savetxt(file, np.column_stack([X, T]), delimiter=',', header='pwm,thrust', comments='')
+    assert main([str(file), '--base', 'identified']) == 0
+    return capsys.readouterr().out
+
+
+@pytest.mark.parametrize('zero, seed', [(0.002, 1), (0.003, 2), (-0.002, 1), (0.004, 3)])
+def test_a_small_wrong_zero_is_told_with_its_size(tmp_path, capsys, zero, seed):
+    """The interval of the exponent, some +-0.004, misses the truth by 0.03 to 0.06."""
+    X = np.repeat(np.arange(100.0, 351.0, 25.0), 5)
+    noise = 1.0 + 0.003 * np.random.default_rng(seed).standard_normal(len(X))
+    out = printed(tmp_path, capsys, X, A * X ** B * noise + zero)
+    assert f'a zero of the scale that is wrong by {"+" if zero > 0.0 else "-"}' in out
+    assert 'a zero of the scale' not in printed(tmp_path, capsys, X, A * X ** B * noise)
+
+
+@pytest.mark.parametrize('seed', [1, 2])
+def test_a_battery_that_sags_while_the_commands_rise_is_told(tmp_path, capsys, seed):
+    X = np.repeat(np.arange(50.0, 351.0, 25.0), 5)
+    noise = 1.0 + 0.005 * np.random.default_rng(seed).standard_normal(len(X))
+    sag = 1.0 - 0.1 * np.arange(len(X)) / len(X)
+    assert 'a thrust that drifts by -' in printed(tmp_path, capsys, X, A * X ** B * noise * sag)
+    sweeps = np.tile(np.concatenate([X[::5], X[::-5]]), 3)
+    noise = 1.0 + 0.005 * np.random.default_rng(seed).standard_normal(len(sweeps))
+    out = printed(tmp_path, capsys, sweeps, A * sweeps ** B * noise)
+    assert 'drifts' not in out

@@ -1,0 +1,150 @@
+r"""
+The power law of a bench with a systematic error beside it: a zero of the scale, or a drift.
+
+Where readings scatter little, a small systematic error moves the exponent out of its interval.
+Beside T = a X^b two more laws are therefore fitted, each with one more unknown,
+
+.. math:: T = a X^b + z, \qquad T = a X^b e^{c u}, \quad 0 \le u \le 1,
+
+with a zero z of the scale, and a thrust that drifts by the share :math:`e^c - 1` between the
+first reading and the last, as with a battery that sags. Both are fitted to the means at each
+command, as many as there are commands: what a rotor does beside a power law counts as scatter
+then.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from .regression import LEVEL, Value
+
+Floats = NDArray[np.float64]
+
+ROUNDS = 20   # of a weighted fit
+SURE = 1e-3   # of the t test of a term
+APART = 1e-3  # of the time of all readings: below, the means at the commands are at one time
+LEAST_REPEATED = 12  # readings, beyond one at each command: their errors are known then
+
+
+class Term(NamedTuple):
+    """A systematic error that a bench shows."""
+
+    words: str       # what it is, with its size
+    size: float      # N of a zero, share of a drift
+    cure: str        # what to do
+    b: Value         # the exponent with it
+    variance: float  # of the deviations of the means that are left, over their errors
+
+
+def weighted(
+    A: Floats, T: Floats, start: Floats, s_0: float, s_1: float, counts: Floats | float = 1.0,
+    zero: bool = False,
+) -> tuple[Floats, Floats, float]:
+    """
+    Return the parameters of the largest likelihood for readings whose errors are known.
+
+    Parameters
+    ----------
+    A : (n, k)
+        Columns of the logarithm of the law.
+    T : (n,) N
+    start : (k,)
+    s_0 : N
+        Error whatever the thrust.
+    s_1 : 1
+        Error of the thrust, besides.
+    counts
+        Readings that each thrust is the mean of.
+    zero
+        Whether a constant z N is added to the law.
+
+    Returns
+    -------
+    theta : (k,), or (k + 1,) with z
+    covariance
+        Of theta, by what is left.
+    variance
+        Of what is left, over the errors.
+
+    """
+    k = len(start)
+    theta = np.append(start, 0.0) if zero else np.asarray(start, float)
+    for _ in range(ROUNDS):
+        law = np.exp(A @ theta[:k])
+        sigma = np.hypot(s_1 * law, s_0) / np.sqrt(counts)
+        slope, rest = A * law[:, None], T - law
+        if zero:
+            slope, rest = np.column_stack([slope, np.ones(len(T))]), rest - theta[k]
+        slope, rest = slope / sigma[:, None], rest / sigma
+        theta = theta + np.linalg.lstsq(slope, rest)[0]
+    variance = float(rest @ rest) / (len(T) - len(theta))
+    return theta, variance * np.linalg.inv(slope.T @ slope), variance
+
+
+def _term(
+    A: Floats, T: Floats, start: Floats, s_0: float, s_1: float, counts: Floats, zero: bool,
+) -> Term | None:
+    """Return a zero of the scale, or the drift of the last column of A; None: not clearly."""
+    try:
+        with np.errstate(all='ignore'):  # of a search that leads nowhere
+            theta, covariance, variance = weighted(A, T, start, s_0, s_1, counts, zero)
+    except np.linalg.LinAlgError:
+        return None
+    sd, freedom = np.sqrt(np.diag(covariance)), len(T) - len(theta)
+    if not np.isfinite([*theta, *sd]).all() or not stats.t.sf(
+            abs(theta[2]) / sd[2], freedom) < 0.5 * SURE:
+        return None
+    half = float(sd[1] * stats.t.ppf(0.5 + 0.5 * LEVEL, freedom))
+    b = Value(float(theta[1]), float(theta[1]) - half, float(theta[1]) + half, '1')
+    if zero:
+        return Term(f'a zero of the scale that is wrong by {1000.0 * theta[2]:+.2g} mN',
+                    float(theta[2]), 'read the scale with the motor at rest, before and after',
+                    b, variance)
+    share = float(np.expm1(theta[2]))
+    return Term(f'a thrust that drifts by {100.0 * share:+.2g} % from the first reading to the '
+                'last', share, 'measure up and down at a steady supply', b, variance)
+
+
+def systematic(X: Floats, T: Floats, start: Floats, s_0: float, s_1: float) -> list[Term]:
+    """
+    Return the systematic errors with which the power law fits clearly better, the best one first.
+
+    A t test of each, on means; several may explain the same readings.
+
+    Parameters
+    ----------
+    X, T : (n,), (n,) N
+        Readings, in the order in which they were taken.
+    start : (2,)
+        ln a and b without such an error.
+    s_0, s_1 : N, 1
+        Errors of the readings, as of :func:`weighted`.
+
+    """
+    levels, level, counts = np.unique(X, return_inverse=True, return_counts=True)
+    m = len(levels)
+    if m < 4 or len(X) - m < LEAST_REPEATED:
+        return []
+    mean, time = (np.bincount(level, x) / counts for x in (T, np.arange(len(X)) / len(X)))
+    law = np.column_stack([np.ones(m), np.log(levels)])
+    found = [_term(law, mean, start, s_0, s_1, counts, True)]
+    if np.std(time - law @ np.linalg.lstsq(law, time)[0]) > APART:
+        found.append(_term(np.column_stack([law, time]), mean, np.append(start, 0.0), s_0, s_1,
+                           counts, False))
+    return sorted((one for one in found if one), key=lambda one: one.variance)
+
+
+def described(terms: list[Term]) -> str:
+    """Return systematic errors in words; empty without one."""
+    if not terms:
+        return ''
+    each = ', or with '.join(
+        f'{one.words} (b = {one.b.value:.4g}, {one.b.low:.4g} to {one.b.high:.4g})'
+        for one in terms)
+    return (f'the power law fits clearly better with {each}: the interval of b holds only '
+            f'without {"them" if len(terms) > 1 else "it"}; '
+            f'{", and ".join(one.cure for one in terms)}')

@@ -1,0 +1,93 @@
+"""Systematic errors of a bench: what shows them, and what cannot."""
+
+from mambo_analysis.identify.thrust_terms import described, systematic, weighted
+import numpy as np
+import pytest
+
+A, B = 4.29e-5, 1.47
+RISING = np.repeat(np.arange(50.0, 351.0, 25.0), 5)
+SWEEPS = np.tile(np.concatenate([RISING[::5], RISING[::-5]]), 3)
+
+
+def bench(X, seed=0, noise=0.003, zero=0.0, sag=0.0):
+    """Return thrusts, N, of the Mambo's map: a zero in N, a sag as a share over the bench."""
+    rng = np.random.default_rng(seed)
+    return A * X ** B * (1.0 - sag * np.arange(len(X)) / len(X)) * (
+        1.0 + noise * rng.standard_normal(len(X))) + zero
+
+
+def terms(X, T):
+    """Return the systematic errors of a bench whose readings err by a share."""
+    b, log_a = np.polyfit(np.log(X), np.log(T), 1)
+    return systematic(X, T, np.array([log_a, b]), 0.0, 1.0)
+
+
+@pytest.mark.parametrize('zero', [0.002, 0.003, -0.002, 0.004])
+def test_a_wrong_zero_is_found_with_the_exponent_that_it_hides(zero):
+    found = [terms(SWEEPS, bench(SWEEPS, seed, zero=zero)) for seed in range(20)]
+    assert all(len(one) == 1 for one in found)
+    assert all('a zero of the scale' in one[0].words for one in found)
+    assert [one[0].size for one in found] == pytest.approx([zero] * 20, abs=5e-4)  # 4 sigma
+    assert sum(one[0].b.low < B < one[0].b.high for one in found) >= 17  # of 20 at 95 %
+
+
+def test_a_rising_bench_shows_a_wrong_zero_too_and_what_it_may_be_as_well():
+    X = RISING[RISING >= 100.0]
+    found = [terms(X, bench(X, seed, zero=0.003)) for seed in range(20)]
+    assert all(any('a zero of the scale' in term.words for term in one) for one in found)
+    assert all(one[0].variance <= one[-1].variance for one in found)
+
+
+@pytest.mark.parametrize('sag', [0.10, 0.15])
+def test_a_sag_while_the_commands_rise_is_found(sag):
+    found = [one for seed in range(20) for one in terms(
+        RISING, bench(RISING, seed, 0.005, sag=sag)) if 'a thrust that drifts by -' in one.words]
+    assert len(found) == 20
+    assert np.mean([one.size for one in found]) == pytest.approx(-sag, abs=0.02)
+    assert np.mean([one.b.value for one in found]) == pytest.approx(B, abs=0.01)  # 1.42 without
+
+
+@pytest.mark.parametrize('noise', [0.003, 0.02, 0.1])
+@pytest.mark.parametrize('X', [RISING, SWEEPS])
+def test_noise_shows_no_systematic_error(X, noise):
+    assert sum(bool(terms(X, bench(X, seed, noise))) for seed in range(200)) <= 3  # 0.2 % each
+
+
+def test_a_sag_that_up_and_down_cancels_is_none():
+    assert not any(terms(SWEEPS, bench(SWEEPS, seed, 0.005, sag=0.15)) for seed in range(20))
+
+
+def test_what_a_rotor_does_beside_a_power_law_is_scatter():
+    wave = 1.0 + 0.01 * np.sin(RISING / 12.0)
+    assert not any(terms(RISING, wave * bench(RISING, seed, 0.001)) for seed in range(20))
+
+
+@pytest.mark.parametrize('X', [RISING[::5], np.repeat([50.0, 100.0, 150.0], 9)])
+def test_too_few_readings_show_nothing(X):
+    assert not terms(X, bench(X, zero=0.01))
+
+
+def test_errors_are_named_with_size_exponent_and_remedy():
+    assert not described([])
+    zero, = terms(SWEEPS, bench(SWEEPS, zero=0.003))
+    line = described([zero])
+    assert line.startswith('the power law fits clearly better with a zero of the scale that is '
+                           'wrong by +2.9 mN (b = 1.4')
+    assert line.endswith('the interval of b holds only without it; read the scale with the motor '
+                         'at rest, before and after')
+    drift = terms(RISING, bench(RISING, noise=0.005, sag=0.1))[0]
+    both = described([drift, zero])
+    assert 'to the last (b = 1.4' in both and '), or with a zero of the scale' in both
+    assert 'only without them; measure up and down at a steady supply, and read' in both
+
+
+def test_known_errors_weigh_readings_and_their_means():
+    X = np.arange(50.0, 351.0, 10.0)
+    law = np.column_stack([np.ones(len(X)), np.log(X)])
+    T, start = A * X ** B + 0.002, np.array([-9.0, 1.2])
+    theta, covariance, variance = weighted(law, T, start, 0.001, 0.01, zero=True)
+    assert theta == pytest.approx([np.log(A), B, 0.002]) and covariance.shape == (3, 3)
+    assert variance == pytest.approx(0.0, abs=1e-12)
+    T = T + 0.001 * np.cos(X)
+    one, four = (weighted(law, T, start, 0.001, 0.01, counts)[2] for counts in (1.0, 4.0))
+    assert four == pytest.approx(4.0 * one)
