@@ -27,7 +27,7 @@ from scipy import optimize, stats
 
 from . import columns, from_flight, regression, result
 from .regression import IdentifyError, LEVEL, Value
-from .thrust_terms import described, LEAST_REPEATED, systematic, weighted
+from .thrust_terms import described, LEAST_REPEATED, one_way, systematic, weighted
 
 Floats = NDArray[np.float64]
 
@@ -37,7 +37,8 @@ COARSE = 0.02  # [-] step of a display by the smallest thrust, above which it is
 STRAY = 2.0  # factor by which a thrust is misread; 1.03 at most on a real bench
 REACH = (0.5, 1.5)  # largest command of a bench over the limit of the base; 0.96 on a real one
 LIKE = (0.4, 2.5)  # thrust over that of the base at the largest command; 0.8 on a real bench
-MISSED = 0.02  # [-] RMS of mean thrusts, that is told
+MISSED = 0.02  # [-] RMS of mean thrusts, that is told of readings that repeat to the last digit
+LEAST_MISSED = 1e-4  # [-] of others: no scale is linear to 0.01 %
 SURE = 1e-3  # of the F test of lack of fit
 LEAST_SCATTER = LEAST_REPEATED  # readings that tell whether their error grows
 CLEARLY = 4.0  # of the log-likelihood, for an error that does not; by chance in 0.2 %
@@ -265,13 +266,13 @@ def misfit(X: Floats, T: Floats, found: Thrust) -> str:
     # of a reading, if the power law fits
     variance = float(weight @ means[level] ** 2 / (m - 2))
     missed = float(np.sqrt(variance * m / n))
-    if missed < MISSED or scatter > 0.0 and stats.f.sf(
+    if missed < (LEAST_MISSED if scatter > 0.0 else MISSED) or scatter > 0.0 and stats.f.sf(
             variance / scatter ** 2, m - 2, n - m) > SURE:
         return ''
     return (f'a X^b misses the mean thrusts by {100.0 * missed:.2g} % RMS, where '
             f'readings at one command scatter by {100.0 * scatter:.2g} %: the intervals do not '
-            'hold; check the zero of the scale, the time between command and reading, and where '
-            'thrust fades (--max-pwm)')
+            'hold; check the zero of the scale, the time between command and reading, a supply or '
+            'scale that drifts, and where thrust fades (--max-pwm)')
 
 
 def _draw(pwm: Floats, thrust: Floats, found: Thrust) -> Callable[[Figure], None]:
@@ -315,7 +316,7 @@ def _doubts(X: Floats, T: Floats, found: Thrust, step: float) -> list[str]:
     terms = systematic(X, T, np.array([np.log(found.a.value), found.b.value]),
                        found.scale_error, found.share_error)
     return [uneven(X, T, found) or unrepeated(X, found), misfit(X, T, found),
-            described(terms), coarse(T, step)]
+            described(terms) or one_way(X, found.b.half), coarse(T, step)]
 
 
 def _report(

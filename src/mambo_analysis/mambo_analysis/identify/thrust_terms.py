@@ -27,6 +27,8 @@ Floats = NDArray[np.float64]
 ROUNDS = 20   # of a weighted fit
 SURE = 1e-3   # of the t test of a term
 APART = 1e-3  # of the time of all readings: below, the means at the commands are at one time
+LARGEST_DRIFT = 0.05  # [-] of the thrust over a bench, that an interval must bear without a note:
+                      # a cell of lithium loses 17 % of it from 4.2 to 3.7 V, as (4.5) has b = 1.5
 LEAST_REPEATED = 12  # readings, beyond one at each command: their errors are known then
 
 
@@ -148,3 +150,31 @@ def described(terms: list[Term]) -> str:
     return (f'the power law fits clearly better with {each}: the interval of b holds only '
             f'without {"them" if len(terms) > 1 else "it"}; '
             f'{", and ".join(one.cure for one in terms)}')
+
+
+def one_way(X: Floats, half: float) -> str:
+    """
+    Return in words that a drift would be in the exponent, unseen; empty: it would not.
+
+    If every command was measured at one time only and the commands rise or fall, time and command
+    go together.
+
+    Parameters
+    ----------
+    X : (n,)
+        Commands, in the order in which they were taken.
+    half : 1
+        Half width of the interval of the exponent.
+
+    """
+    if np.count_nonzero(np.diff(X)) >= len(np.unique(X)):
+        return ''  # a command comes back
+    log_X = np.log(X) - np.log(X).mean()
+    moved = float(log_X @ np.linspace(0.0, 1.0, len(X)) / (log_X @ log_X))  # b, per drift of 1
+    if not half < LARGEST_DRIFT * abs(moved):
+        return ''
+    return ('in the order of the file no command is measured again after another one, and they '
+            f'{"rise" if moved > 0.0 else "fall"}: a supply or scale that drifts by 1 % from the '
+            f'first reading to the last moves b by {0.01 * abs(moved):.2g}, which these readings '
+            f'hardly show; its interval, +-{half:.2g}, holds without a drift only: measure up and '
+            'down at a steady supply')

@@ -1,6 +1,6 @@
 """Systematic errors of a bench: what shows them, and what cannot."""
 
-from mambo_analysis.identify.thrust_terms import described, systematic, weighted
+from mambo_analysis.identify.thrust_terms import described, one_way, systematic, weighted
 import numpy as np
 import pytest
 
@@ -91,3 +91,20 @@ def test_known_errors_weigh_readings_and_their_means():
     T = T + 0.001 * np.cos(X)
     one, four = (weighted(law, T, start, 0.001, 0.01, counts)[2] for counts in (1.0, 4.0))
     assert four == pytest.approx(4.0 * one)
+
+
+def test_commands_that_only_rise_or_fall_hide_a_drift():
+    line = one_way(RISING, 0.004)
+    assert 'after another one, and they rise: a supply' in line
+    assert 'holds without a drift only' in line
+    assert 'drifts by 1 % from the first reading to the last moves b by 0.0049' in line
+    assert 'and they fall: ' in one_way(RISING[::-1], 0.004)
+    drift = np.polyfit(np.log(RISING), np.log(bench(RISING, noise=0.0, sag=0.01)), 1)[0] - B
+    assert drift == pytest.approx(-0.0049, abs=1e-4)
+
+
+def test_a_drift_that_is_seen_or_is_small_beside_the_interval_is_no_doubt():
+    assert not one_way(SWEEPS, 0.001)  # commands come back
+    assert not one_way(RISING, 0.04)   # 5 % move b by less
+    order = np.array([200.0, 50.0, 350.0, 125.0, 275.0, 75.0, 300.0, 175.0, 100.0, 250.0])
+    assert not one_way(np.repeat(order, 5), 0.004)
