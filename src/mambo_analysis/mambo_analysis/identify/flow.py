@@ -24,6 +24,7 @@ from mambo_model import palette
 from mambo_model.frames import body_quaternion, flip_vector
 from mambo_signals import motion, outliers
 from mambo_signals.derivative import body_rates, local_fit
+from mambo_signals.resample import columns_at
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +39,8 @@ Floats = NDArray[np.float64]
 
 LAWS = ('constant', 'linear', 'exponential')
 WINDOW = 0.12          # s, of positions for a velocity: leaves 3e-4 of a motion of 2 rad/s
-TURNING = 1.3  # [-] residual without a share of the rotation over that with it, that is told
+CLEAR = 1.5  # [-] share of the rotation over its half width: 3 standard errors, 0.3 % by chance
+MOVES = 0.5  # [-] of a half width, by which a value is off: it then holds in 83 % instead of 95 %
 LEAST = 100            # samples of the flow
 LOWEST = 0.4           # m, no flow below (sec. 5.2)
 SPREAD = 0.2           # m, of the heights for a slope
@@ -228,6 +230,95 @@ def check_axes(samples: Samples, leak: bool) -> None:
             'motion: one lens has one factor; check the scale of both axes')
 
 
+def fit_laws(
+    samples: Samples, leak: bool = False, slowest: float = SLOWEST,
+) -> dict[str, Factor]:
+    """
+    Return the factor by every law that the range of heights can distinguish.
+
+    Parameters and errors are those of :func:`fit_factor`.
+    """
+    laws = LAWS if len(samples.t) and np.ptp(samples.height) >= SPREAD else LAWS[:1]
+    return {law: fit_factor(samples, law, leak, slowest) for law in laws}
+
+
+def best_law(found: dict[str, Factor]) -> str:
+    """Return the law that fits best of :func:`fit_laws`; the constant if the slope may be 0."""
+    slope = found['linear'].slope if 'linear' in found else None
+    if slope is None or slope.low <= 0.0 <= slope.high:
+        return 'constant'
+    return min(LAWS[1:], key=lambda law: found[law].fit.rms)
+
+
+def with_rotation(
+    samples: Samples, plain: dict[str, Factor], slowest: float = SLOWEST,
+) -> dict[str, Factor]:
+    """
+    Return the laws fitted with a share of the rotation where the flow clearly holds one.
+
+    The share counts if it is :data:`CLEAR` and moves a value of ``plain`` by more than
+    :data:`MOVES` of its half width. A late flow can look like a small share: where the flight
+    shows a lag, the share must be clear with that lag removed, too.
+
+    Parameters
+    ----------
+    samples
+        Of the flight.
+    plain
+        Its factors without the rotation, of :func:`fit_laws`; returned if the share does not
+        count, or if the flight does not show it.
+    slowest : m/s
+        As of :func:`fit_factor`.
+
+    """
+    law = 'linear' if 'linear' in plain else 'constant'  # which may take a slope for a share
+    geometric = samples.velocity / samples.depth[:, None]
+    lag = flow_doubts.small_lag(samples.t, samples.flow, geometric)
+    try:
+        found = fit_laws(samples, True, slowest)
+        shares = [found[law].leak]
+        if lag is not None and (lag.low > 0.0 or lag.high < 0.0):
+            shares.append(fit_factor(_earlier(samples, lag.value), law, True, slowest).leak)
+    except IdentifyError:  # the flight turns too little to show a share
+        return plain
+    moved = any(abs(new.value - old.value) > MOVES * old.half for old, new in zip(
+        _values(plain).values(), _values(found).values(), strict=True))
+    clear = all(abs(share.value) > CLEAR * share.half for share in shares if share)
+    return found if clear and moved else plain
+
+
+def _earlier(samples: Samples, lag: float) -> Samples:
+    """Return samples with the motion a lag in s before each; those without one are left out."""
+    motions = np.column_stack(
+        [samples.velocity, samples.rotation, samples.height, samples.depth])
+    moved = columns_at(samples.t - lag, samples.t, motions)
+    known = np.isfinite(moved).all(axis=1)
+    moved = moved[known]
+    return samples._replace(
+        t=samples.t[known], flow=samples.flow[known], velocity=moved[:, :2],
+        rotation=moved[:, 2:4], height=moved[:, 4], depth=moved[:, 5])
+
+
+def _values(found: dict[str, Factor]) -> dict[str, Value]:
+    """Return the values of all laws by their names in the report."""
+    values = {'Q constant': found['constant'].offset}
+    for law, one in found.items():
+        if one.slope is not None:
+            values |= {f'Q {law}, offset': one.offset, f'Q {law}, slope': one.slope}
+    return values
+
+
+def _formula(found: dict[str, Factor]) -> str:
+    """Return the best law as a formula of the height h."""
+    law = best_law(found)
+    one = found[law]
+    if one.slope is None:
+        return f'{one.offset.value:.3g}'
+    sign = '-' if one.slope.value < 0.0 else '+'
+    return (f'{one.offset.value:.3g} {sign} {abs(one.slope.value):.2g} '
+            f'{"exp(h)" if law == "exponential" else "h"}')
+
+
 def samples(
     t_flow: Floats, flow: Floats, t_pose: Floats, position: Floats, q: Floats, floor: float = 0.0,
     start: float = -np.inf, end: float = np.inf, lowest: float = LOWEST,
@@ -356,33 +447,30 @@ def read(
 
 
 def _report(path: Path, data: Samples, leak: bool, slowest: float) -> result.Report:
-    """Return the factor by every law that the range of heights can distinguish."""
-    laws = LAWS if len(data.t) and np.ptp(data.height) >= SPREAD else LAWS[:1]
-    found = {law: fit_factor(data, law, leak, slowest) for law in laws}
+    """Return the factor by every law, with a share of the rotation if asked for or clear."""
+    found = fit_laws(data, leak, slowest)
+    plain, found = found, found if leak else with_rotation(data, found, slowest)
     geometric = data.velocity / data.depth[:, None]
     doubts = [*data.notes, *flow_doubts.refuse_late(data.t, data.flow, geometric),
               *flow_doubts.unequal(data.flow, geometric),
               *flow_doubts.size(found['constant'].offset.value)]
-    values = {'Q constant': found['constant'].offset}
+    best = best_law(found)
+    values = _values(found)
     notes = ['flow is no part of a vehicle: estimator.yaml is for the estimator']
-    best = 'constant'
-    if len(found) > 1:
-        slope = found['linear'].slope
-        best = 'constant' if slope.low <= 0.0 <= slope.high else min(
-            LAWS[1:], key=lambda law: found[law].fit.rms)
-        for law in LAWS[1:]:
-            values |= {f'Q {law}, offset': found[law].offset, f'Q {law}, slope': found[law].slope}
-    else:
+    if len(found) == 1:
         notes.append(f'heights differ by less than {SPREAD:g} m: no law of the height')
     if data.impossible:
         notes.append(outliers.describe('optitrack/pose', data.impossible))
     notes += doubts
-    if leak:
-        values['share of the rotation'] = found[best].leak
+    share = found[best].leak
+    if share is not None:
+        values['share of the rotation'] = share
         notes.append('the share of the rotation is that in the flow as measured; the leakage of a '
                      'simulated flow, and that of mambo identify drift, is Q times it')
-    else:
-        notes += filter(None, [_turning(data, best, found[best], slowest)])
+    if share is not None and found is not plain:
+        notes.append(
+            f'the flow follows the rotation, too: a share of {share.value:.2g} of it is clear, '
+            f'and all values above are fitted with it; without it Q would be {_formula(plain)}')
     facts = {
         'law of the estimator': best, 'samples': len(data.t),
         'heights [m]': f'{data.height.min():.2f} .. {data.height.max():.2f}',
@@ -391,20 +479,6 @@ def _report(path: Path, data: Samples, leak: bool, slowest: float) -> result.Rep
     return result.Report(
         f'flow factor of {path.name}', values, facts, notes, {}, _draw(data, found),
         {'estimator.yaml': _estimator_file(found, best)})
-
-
-def _turning(data: Samples, law: str, found: Factor, slowest: float) -> str:
-    """Return in words that the rotation explains much of what a law leaves; empty: it does not."""
-    try:
-        other = fit_factor(data, law, True, slowest)
-    except IdentifyError:  # the flight turns too little to show it
-        return ''
-    share = other.leak
-    if share is None or found.fit.rms < TURNING * other.fit.rms or share.low <= 0.0 <= share.high:
-        return ''
-    return (f'the flow follows the rotation, too: with a share of {share.value:.2g} of it the '
-            f'residual is {other.fit.rms:.2g} instead of {found.fit.rms:.2g} rad/s, and Q '
-            f'{other.offset.value:.3g}: the intervals above do not hold; give --leak')
 
 
 def parser() -> Parser:
@@ -417,7 +491,7 @@ def parser() -> Parser:
     out.add_argument('--shift', type=real(-100.0, 100.0, 's'), default=0.0,
                      help='s, added to the stamps of Optitrack: another clock, or a late flow')
     out.add_argument('--leak', action='store_true',
-                     help='fit the share of the rotation in the flow, for sensors without gyro')
+                     help='fit the share of the rotation in the flow also where it is not clear')
     out.add_argument('--lowest', type=real(0.0, 100.0, 'm'), default=LOWEST,
                      help='m, leave out what is lower (default: %(default)g)')
     out.add_argument('--slowest', type=real(0.0, 100.0, 'm/s'), default=SLOWEST,

@@ -86,17 +86,85 @@ def test_rotation_left_in_the_flow_is_told_from_the_motion():
     omega = (R.inv() * attitude(data.t + step)).as_rotvec() / step  # body axes
     np.testing.assert_allclose(data.rotation[:, 0], omega[:, 1], atol=2e-3)
     np.testing.assert_allclose(data.rotation[:, 1], -omega[:, 0], atol=2e-3)
-    leaky = data._replace(
-        flow=data.flow + 0.4 * np.stack([omega[:, 1], -omega[:, 0]], axis=1))
-    found = fit_factor(leaky, 'linear', leak=True)
+    turning = leaky('linear', 0.4)
+    found = fit_factor(turning, 'linear', leak=True)
     assert found.leak.low <= 0.4 <= found.leak.high
     assert found.leak.value == pytest.approx(0.4, abs=0.03)
     assert found.slope.low <= 0.07 <= found.slope.high
-    assert found.fit.rms < fit_factor(leaky, 'linear').fit.rms
+    assert found.fit.rms < fit_factor(turning, 'linear').fit.rms
     assert fit_factor(data).leak is None
-    said = flow._turning(leaky, 'linear', fit_factor(leaky, 'linear'), flow.SLOWEST)
-    assert 'the flow follows the rotation, too' in said and 'give --leak' in said
-    assert flow._turning(data, 'linear', fit_factor(data, 'linear'), flow.SLOWEST) == ''
+
+
+def leaky(law, share=0.2, seed=0):
+    """Return the samples of a flight whose flow holds a share of the rotation."""
+    data = measured(law, seed)
+    step = 1e-4
+    omega = (attitude(data.t).inv() * attitude(data.t + step)).as_rotvec() / step
+    return data._replace(flow=data.flow + share * np.stack([omega[:, 1], -omega[:, 0]], axis=1))
+
+
+def flown(trajectory, seed, **sensor):
+    """Return the samples of a simulated flight with parameters of the flow sensor."""
+    return from_recording(closed_loop.fly(scenario(trajectory, seed=seed, overrides={
+        f'sim_node.simulator.optical_flow.{name}': value for name, value in sensor.items()})))
+
+
+LEVEL = {'factor_slope': 0.0, 'factor_offset': 1.0}
+
+
+@pytest.mark.parametrize('trajectory, law, offset, slope, sensor', [
+    ('vertical_circle_large', 'linear', 0.92, 0.07, {}), ('circle', 'constant', 1.0, 0.0, LEVEL)])
+def test_a_clear_share_of_the_rotation_is_fitted_however_small_its_residual(
+    trajectory, law, offset, slope, sensor,
+):
+    data = flown(trajectory, 404, leakage=0.1, **sensor)
+    plain = flow.fit_laws(data)
+    found = flow.with_rotation(data, plain)
+    assert plain[law].fit.rms < 1.2 * found[law].fit.rms
+    assert not plain[law].offset.low <= offset <= plain[law].offset.high
+    assert found[law].offset.low <= offset <= found[law].offset.high
+    if law == 'linear':
+        assert not plain[law].slope.low <= slope <= plain[law].slope.high
+        assert found[law].slope.low <= slope <= found[law].slope.high
+    Q = offset + slope * data.height.mean()
+    assert Q * found[law].leak.value == pytest.approx(0.1, abs=0.02)
+    data = flown(trajectory, 404, **sensor)
+    plain = flow.fit_laws(data)
+    assert flow.with_rotation(data, plain) is plain
+
+
+def test_a_clear_share_that_moves_no_factor_is_left_out():
+    data, rng = measured('constant', vertical=0.0), np.random.default_rng(1)
+    turning = 0.2 * rng.standard_normal(data.flow.shape)  # independent of the motion
+    data = data._replace(rotation=turning, flow=data.flow + 0.02 * turning)
+    plain, share = flow.fit_laws(data), fit_factor(data, leak=True).leak
+    assert share.value > 2.0 * flow.CLEAR * share.half
+    assert flow.with_rotation(data, plain) is plain
+
+
+def test_a_late_flow_is_not_taken_for_a_share_of_the_rotation():
+    data = flown('circle', 603, latency=0.01, **LEVEL)
+    share = fit_factor(data, leak=True).leak
+    assert share.low > 0.5 * share.half  # clear, but for the lag
+    plain = flow.fit_laws(data)
+    assert flow.with_rotation(data, plain) is plain
+
+
+def test_the_report_fits_a_clear_share_and_says_what_the_factor_is_without():
+    data = leaky('linear')
+    plain = fit_factor(data, 'linear')
+    report = flow._report(Path('bag'), data, False, flow.SLOWEST)
+    slope, share = (report.values[name] for name in ('Q linear, slope', 'share of the rotation'))
+    assert slope.low <= 0.07 <= slope.high and share.low <= 0.2 <= share.high
+    line, = (note for note in report.notes if 'follows the rotation' in note)
+    assert f'a share of {share.value:.2g} of it is clear, and all values above are fitted' in line
+    assert line.endswith(f'without it Q would be {plain.offset.value:.3g} + '
+                         f'{plain.slope.value:.2g} h')
+    assert f'rotation_leak: {share.value}' in report.files['estimator.yaml']
+    for asked in (False, True):
+        report = flow._report(Path('bag'), measured('linear'), asked, flow.SLOWEST)
+        assert ('share of the rotation' in report.values) is asked
+        assert not any('follows the rotation' in note for note in report.notes)
 
 
 @pytest.mark.long
@@ -107,6 +175,11 @@ def test_intervals_cover_over_60_seeds():
     assert_covers(0.07, [one.slope for one in found])
     data = [measured('constant', seed, vertical=0.0) for seed in range(60)]
     assert_covers(1.06, [fit_factor(one).offset for one in data])
+    data = [leaky('linear', seed=seed) for seed in range(60)]
+    found = [flow.with_rotation(one, flow.fit_laws(one))['linear'] for one in data]
+    assert_covers(0.92, [one.offset for one in found])
+    assert_covers(0.07, [one.slope for one in found])
+    assert_covers(0.2, [one.leak for one in found])
 
 
 def test_a_flight_with_all_its_sensors_shows_the_factor():
