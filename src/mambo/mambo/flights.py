@@ -64,8 +64,10 @@ class Flight:
 
     def __repr__(self) -> str:
         m = self.metrics
-        errors = 'never took off' if math.isnan(m['tracking_rms']) else (
-            f'tracking RMS {m["tracking_rms"]:.4g} m, estimation RMS {m["estimation_rms"]:.4g} m')
+        tracking = 'carried by hand' if self.scenario.sim_node.simulator.hand.enabled else (
+            f'tracking RMS {m["tracking_rms"]:.4g} m')
+        errors = 'never took off' if math.isnan(m['estimation_rms']) else (
+            f'{tracking}, estimation RMS {m["estimation_rms"]:.4g} m')
         failed = f', {self.failure}' if self.failure else ''
         return f'<Flight {self.name}: {self.t[-1]:g} s, {errors}{failed}>'
 
@@ -76,7 +78,11 @@ class Flight:
 
     @cached_property
     def metrics(self) -> dict[str, Any]:
-        """Return tracking and estimation errors [m], saturation and endings by name."""
+        """
+        Return tracking and estimation errors [m], saturation, energy [J] and endings by name.
+
+        See :func:`mambo_flight.sweep.monte_carlo.metrics`, also for a vehicle that a hand carries.
+        """
         return monte_carlo.measure(self.scenario, self.recording)
 
     @cached_property

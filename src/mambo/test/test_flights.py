@@ -51,6 +51,15 @@ def test_a_flight_that_never_took_off_says_so():
     assert repr(grounded) == '<Flight hover_ground_truth: 1 s, never took off>'
 
 
+def test_a_vehicle_that_a_hand_carries_has_no_tracking_error_and_takes_no_energy():
+    carried = mambo.fly(trajectory='hand_loop', duration=2.0, landing=False, parameters={
+        'sim_node.simulator.hand.enabled': True,
+        'sim_node.simulator.hand.plan.trajectory': 'hand_loop'})
+    assert math.isnan(carried.metrics['tracking_rms']) and carried.metrics['energy'] == 0.0
+    error = carried.metrics['estimation_rms']
+    assert repr(carried).endswith(f' 2 s, carried by hand, estimation RMS {error:.4g} m>')
+
+
 def test_a_flight_that_was_not_flown_as_asked_says_why(flight):
     assert not flight.failure
     light = mambo.fly(trajectory='hover', duration=15.0, believed='identified',

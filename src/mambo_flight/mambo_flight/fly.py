@@ -83,11 +83,12 @@ def _compiling() -> Iterator[list[float]]:
 def _errors(flight: Scenario, metrics: Mapping[str, Any]) -> str:
     """Return the errors of a flight in a few words."""
     ending = f'; motors stopped ({metrics["shutdown_reason"]})' if metrics['shutdown'] else ''
-    if math.isnan(metrics['tracking_rms']):
+    if math.isnan(metrics['estimation_rms']):
         return f'no errors in flight, as it never took off{ending}'
-    return (f'tracking error in flight {metrics["tracking_rms"]:.3g} m RMS, '
-            f'{metrics["tracking_max"]:.3g} m at most; '
-            f'estimation error {metrics["estimation_rms"]:.3g} m RMS'
+    tracking = 'carried by hand' if flight.sim_node.simulator.hand.enabled else (
+        f'tracking error in flight {metrics["tracking_rms"]:.3g} m RMS, '
+        f'{metrics["tracking_max"]:.3g} m at most')
+    return (f'{tracking}; estimation error {metrics["estimation_rms"]:.3g} m RMS'
             f'{" (estimate/map)" if flight.controller_node.estimate == "map" else ""}{ending}')
 
 

@@ -78,6 +78,8 @@ def test_a_flight_that_the_failsafe_ended_has_its_bag_and_has_failed(
     assert (tmp_path / 'bag').exists()
     carried = ['--set', 'sim_node.simulator.hand.enabled=true', '-o', str(tmp_path / 'carried')]
     assert fly.main([file, *carried]) == 0
+    out = capsys.readouterr().out
+    assert ': carried by hand; estimation error 0.2 m RMS' in out and 'tracking' not in out
 
 
 @pytest.mark.parametrize(('phase', 'code', 'reason'), [
@@ -87,7 +89,7 @@ def test_a_flight_that_the_failsafe_ended_has_its_bag_and_has_failed(
 def test_a_flight_that_stays_on_the_floor_has_no_errors_and_failed_if_it_was_to_fly(
         file, tmp_path, monkeypatch, capsys, flown, phase, code, reason):
     monkeypatch.setattr(fly.monte_carlo, 'measure', lambda flight, recording: METRICS | {
-        'tracking_rms': math.nan, 'shutdown': False})
+        'tracking_rms': math.nan, 'estimation_rms': math.nan, 'shutdown': False})
     monkeypatch.setattr(
         fly.supervised, 'fly', lambda flight, inner: (recording(3.0, phase=phase), ''))
     assert fly.main([file, '-o', str(tmp_path / 'bag')]) == code

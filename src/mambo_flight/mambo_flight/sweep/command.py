@@ -139,7 +139,7 @@ def summary(data: Mapping[str, Sequence[Any]]) -> str:
             shown = (*np.percentile(good, (5, 50, 95)), good.max())
             lines.append(f'{name:<18}' + ''.join(f' {x:>9.3g}' for x in shown))
     flights = len(data['flight'])
-    if grounded := int(np.isnan(np.asarray(data['tracking_rms'], dtype=float)).sum()):
+    if grounded := int(np.isnan(np.asarray(data['estimation_rms'], dtype=float)).sum()):
         lines.append(f'{grounded} of {flights} flights never took off: no errors')
     lines.append(f'{sum(data["shutdown"])} of {flights} flights were shut down')
     if landed := sum(bool(why) and not down for why, down in zip(
@@ -155,8 +155,8 @@ def summary(data: Mapping[str, Sequence[Any]]) -> str:
     if repeats := flights - len(set(map(repr, rows))):  # NaN equals NaN there
         lines.append(f'{repeats} of {flights} flights repeat another one, with all its values')
     results = zip(*(data[name] for name in SHOWN), strict=True)
-    flown = {repr(row): result for row, result in zip(rows, results, strict=True)
-             if math.isfinite(result[0])}
+    flown = {repr(row): result for row, result, error in zip(
+        rows, results, data['estimation_rms'], strict=True) if math.isfinite(error)}
     if same := len(flown) - len(set(map(repr, flown.values()))):
         lines.append(f'{same} of {flights} flights have the numbers of one with other parameters: '
                      'what varies between these has no effect')

@@ -159,6 +159,7 @@ def _standing(flight: Scenario) -> bool:
 
 def metrics(
     a: Tally, vehicle: Vehicle, standing: bool = False, floor: bool = True,
+    carried: bool = False,
 ) -> dict[str, Any]:
     """
     Return the metrics of a flight by name.
@@ -173,6 +174,8 @@ def metrics(
         Whether the vehicle begins on the floor: unless it rises above LIFTED, it has not flown.
     floor
         Whether there is one.
+    carried
+        Whether a hand carried the vehicle: its motors were stopped, and it tracked nothing.
 
     Returns
     -------
@@ -183,22 +186,27 @@ def metrics(
         flight, ``final`` the length at the end. ``energy`` in J is the ideal power of the rotors
         of the true vehicle over the efficiency of the drive, integrated. NaN in place of
         ``rms`` and ``max`` if nothing was flown, and of these and ``final`` if the vehicle never
-        took off. ``failsafe`` is why the failsafe held or landed the vehicle at the end, empty
-        if it did not. ``fallen`` tells whether it lay on the floor below its reference, or its
-        motors stopped above the floor after its landing, or it hit the floor; ``strayed`` whether
-        it was far from its reference for 2 s, see :mod:`mambo_model.motion.height_check`.
+        took off. Of one that was carried, ``tracking`` and ``saturated_share`` are NaN, and
+        ``pwm_max`` and ``energy`` 0: what the controller commanded moved nothing. ``failsafe`` is
+        why the failsafe held or landed the vehicle at the end, empty if it did not. ``fallen``
+        tells whether it lay on the floor below its reference, or its motors stopped above the
+        floor after its landing, or it hit the floor; ``strayed`` whether it was far from its
+        reference for 2 s, see :mod:`mambo_model.motion.height_check`.
 
     """
     grounded = standing and not a.top > LIFTED
-    steps = 0 if grounded else a.steps
+    if carried:
+        a = a._replace(running=0, pwm_max=0.0, effort=0.0)
     out: dict[str, Any] = {}
     for name in ('tracking', 'estimation'):
+        unknown = grounded or (carried and name == 'tracking')
+        steps = 0 if unknown else a.steps
         squares = np.array(getattr(a, name)) / steps if steps else np.full(3, np.nan)
         out[f'{name}_rms'] = math.sqrt(squares.sum())
         for axis, square in zip('xyz', squares.tolist()):
             out[f'{name}_rms_{axis}'] = math.sqrt(square)
         out[f'{name}_max'] = getattr(a, f'{name}_max') if steps else math.nan
-        out[f'{name}_final'] = math.nan if grounded else getattr(a, f'{name}_last')
+        out[f'{name}_final'] = math.nan if unknown else getattr(a, f'{name}_last')
     out['saturated_share'] = a.saturated / a.running if a.running else math.nan
     out['pwm_max'] = a.pwm_max
     ideal = a.effort / (vehicle.rotor.radius * math.sqrt(2.0 * math.pi * vehicle.air_density))
@@ -245,7 +253,8 @@ def measure(flight: Scenario, r: closed_loop.Recording) -> dict[str, Any]:
     return metrics(_count_all(
         r.t, r.truth, estimate, r.reference, r.phase, r.pwm, r.stopped, r.reason,
         flight.controller_node.vehicle.values(), plant.initial(p.plant), p.vehicle.values(),
-        p.plant.substeps(), p.vehicle.options()), p.vehicle, _standing(flight), p.plant.ground)
+        p.plant.substeps(), p.vehicle.options()), p.vehicle, _standing(flight), p.plant.ground,
+        p.hand.enabled)
 
 
 class _Ideal(NamedTuple):

@@ -172,7 +172,7 @@ def test_a_summary_counts_flights_that_repeat_another_one():
     data |= {'flight': list(range(5)), 'shutdown': [False] * 5, 'failsafe': [''] * 5,
              'fallen': [False] * 5, 'strayed': [False] * 5, 'seed': [1, 2, 1, 2, 3]}
     assert '2 of 5 flights repeat another one, with all its values' in summary(data).splitlines()
-    data['tracking_rms'] = [0.1, math.nan, 0.2, float('nan'), 0.3]  # two never took off
+    data['estimation_rms'] = [0.1, math.nan, 0.2, float('nan'), 0.3]  # two never took off
     assert not re.search('repeat|no effect', summary(data | {'seed': [1, 2, 3, 4, 5]}))
 
 
@@ -183,6 +183,15 @@ def test_a_summary_counts_flights_that_a_varied_value_has_no_effect_on():
     assert summary(data).splitlines()[-1] == (
         '1 of 5 flights have the numbers of one with other parameters: what varies between these '
         'has no effect')
+
+
+def test_a_summary_of_carried_vehicles_says_that_values_have_no_effect_and_not_that_none_rose():
+    data = {name: [math.nan] * 2 for name in command.SHOWN} | {'estimation_rms': [0.2, 0.2]}
+    data |= {'flight': [0, 1], 'shutdown': [False] * 2, 'failsafe': [''] * 2,
+             'fallen': [False] * 2, 'strayed': [False] * 2, 'gust_time': [1.0, 2.0]}
+    text = summary(data)
+    assert '1 of 2 flights have the numbers of one with other parameters' in text
+    assert 'took off' not in text
 
 
 def test_one_flight_of_a_sweep_is_flown_as_it_stands_in_the_table(

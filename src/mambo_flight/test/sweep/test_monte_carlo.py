@@ -176,6 +176,14 @@ def test_a_flight_that_never_took_off_has_no_errors_in_flight(given):
     assert math.isfinite(row['tracking_rms'])
 
 
+def test_motors_of_a_vehicle_that_a_hand_carries_are_stopped_and_it_tracks_nothing():
+    row = monte_carlo.fly_with_sensors(scenario('hand_loop', carried=True, duration=8.0))
+    assert row['energy'] == row['pwm_max'] == 0.0 and math.isnan(row['saturated_share'])
+    assert all(math.isnan(row[name]) for name in row if name.startswith('tracking'))
+    assert 0.0 < row['estimation_rms'] < row['estimation_max']
+    assert not row['fallen'] and not row['strayed']
+
+
 def test_a_scenario_without_an_end_is_refused():
     with pytest.raises(ValueError, match='duration'):
         list(monte_carlo.fly_many([scenario(duration=0.0)]))
