@@ -441,12 +441,12 @@ def html(report: Report) -> str:
     drawn = [plot for plot in report.figures if any(
         _known(line) for panel in plot.panels for line in panel.lines)]
     chosen = report.signals if report.signals and report.signals['names'] else None
-    data = json.dumps({
+    data = json.dumps({  # without any <, which may end the element or hide its end
         'replay': report.replay, 'figures': list(map(_figure_data, drawn)),
         'colours': palette.by_theme(), 'signals': chosen,
         'events': [[one.bag, one.role, round(one.t, 3)] for one in report.events],
         'rejected': [[one.bag, _numbers(one.t, 3)] for one in report.rejected],
-    }, allow_nan=False, separators=(',', ':')).replace('</', '<\\/')
+    }, allow_nan=False, separators=(',', ':')).replace('<', '\\u003c')
     cards = ''.join(
         f'<div class="card"><dt>{escape(name)}</dt><dd>{escape(number)}</dd>'
         f'<dd class="what">{escape(what)}</dd></div>' for name, number, what in report.cards)

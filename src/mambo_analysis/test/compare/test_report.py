@@ -302,9 +302,20 @@ def test_any_signal_is_drawn_against_any_other(tab):
     assert title == 'motor_pwm pwm[2]'
 
 
+def test_no_text_of_a_bag_can_hide_the_end_of_the_data(one):
+    """A browser does not end the element at its end tag once it has read ``<!--<script>``."""
+    evil = '/<!--<script>'
+    made = one._replace(signals={**one.signals, 'names': [evil] * len(one.signals['names'])})
+    page = report.html(made)
+    data = re.search(r'<script id="data" type="application/json">(.*?)</script>', page)[1]
+    assert '<' not in data
+    assert json.loads(data)['signals']['names'] == made.signals['names']
+    assert json.loads(data) == json.loads(Page(page).data)
+
+
 @browser.NEEDED
 def test_texts_of_a_bag_never_become_part_of_the_page(ended, tmp_path):
-    evil = '</script><img src=x onerror="window.hacked = 1">"\'<b>'
+    evil = '</script><!--<script><img src=x onerror="window.hacked = 1">"\'<b>'
     made = report.of_one(ended, compare(ended))
     plot = made.figures[0]
     panel = plot.panels[0]._replace(
