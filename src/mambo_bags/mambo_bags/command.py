@@ -117,6 +117,11 @@ def _is_file(name: str | Path) -> bool:
         return False
 
 
+def _is_pipe(mode: int) -> bool:
+    """Return whether a file of this mode is a pipe, with or without a name, or a socket."""
+    return stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode)
+
+
 def _is_part_of_a_bag(path: Path) -> bool:
     """Return whether a path is a file of a bag, or one that would seem to be in its folder."""
     return is_named_as_of_a_bag(path) and (
@@ -231,8 +236,8 @@ class Parser(argparse.ArgumentParser):
                     self.error(f'--{name}: {path} is not a folder: give another')
             elif name != 'output' and os.path.isdir(path):
                 self.error(f'--{name}: {path} is a folder: give the name of a file')
-            if os.path.exists(os.path.realpath(path)) and stat.S_ISFIFO(os.stat(path).st_mode):
-                self.error(f'--{name}: {path} is a named pipe: give the name of a file')
+            if os.path.exists(path) and _is_pipe(os.stat(path).st_mode):
+                self.error(f'--{name}: {path} is a pipe or socket: give the name of a file')
 
     def _refuse_overwriting(self, options: dict[str, Any]) -> None:
         """Exit with code 2 if a file to write is an input, another output or part of a bag."""

@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+import socket
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -290,7 +291,7 @@ def test_a_folder_or_a_pipe_is_no_file_to_write_and_a_file_no_folder(tmp_path, c
     for option, name, text in (
             ('--json', 'folder', 'is a folder: give the name of a file'),
             ('--html', 'folder', 'is a folder: give the name of a file'),
-            ('--html', 'pipe', 'is a named pipe: give the name of a file'),
+            ('--html', 'pipe', 'is a pipe or socket: give the name of a file'),
             ('-o', 'pipe', 'is not a folder: give another'),
             ('-o', 'file', 'is not a folder: give another'), ('-o', '/dev/null', 'is not a fol')):
         with pytest.raises(SystemExit) as end:
@@ -299,3 +300,27 @@ def test_a_folder_or_a_pipe_is_no_file_to_write_and_a_file_no_folder(tmp_path, c
         assert end.value.code == 2 and text in error and error.count('\n') == 1
     given = ['-o', str(tmp_path / 'folder'), '--html', '/dev/null']
     assert parser.parse_args(given).html == Path('/dev/null')
+
+
+@pytest.mark.parametrize('option', ['--html', '--json', '--csv', '-o'])
+def test_a_pipe_without_a_name_is_no_file_to_write(option, capsys):
+    """As /dev/stdout is one behind which another program reads."""
+    parser = command.Parser('tool', 'Writes.')
+    parser.add_output('FILE', 'to write')
+    parser.add_json()
+    parser.add_argument('--html', type=Path)
+    parser.add_argument('--csv', type=Path)
+    read, write = os.pipe()
+    one, other = socket.socketpair()
+    try:
+        for number in (write, one.fileno()):
+            with pytest.raises(SystemExit) as end:
+                parser.parse_args([option, f'/dev/fd/{number}'])
+            assert end.value.code == 2
+            assert (f'/dev/fd/{number} is a pipe or socket: give the name of a file'
+                    in capsys.readouterr().err)
+    finally:
+        os.close(read)
+        os.close(write)
+        one.close()
+        other.close()

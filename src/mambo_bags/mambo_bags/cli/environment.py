@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 import resource
+import sys
 import threading
 
 _MEMORY = 1_000_000_000  # bytes of address space; with less, libraries in C end the process
@@ -31,9 +32,15 @@ def complaint(ros: bool = False) -> str:
     if (missing := _missing_threads()):
         return (f'{missing} of {len(os.sched_getaffinity(0))} threads, one for each processor, '
                 'cannot be started: allow more processes and threads (ulimit -u), or end others')
+    if sys.flags.optimize > 1:
+        return ('Python without docstrings, of which help texts are made, cannot be used: unset '
+                'PYTHONOPTIMIZE, or set it to 1')
+    threads = os.environ.get('NUMBA_NUM_THREADS')
+    if threads is not None and not (_is_whole(threads) and int(threads) > 0):
+        return (f'NUMBA_NUM_THREADS={threads[:40]!r} must be a whole number of threads, 1 or '
+                'more: set or unset it')
     date = os.environ.get('SOURCE_DATE_EPOCH')
-    if date is not None and not (
-            date.isascii() and date.isdigit() and len(date) < 16 and int(date) <= _LATEST):
+    if date is not None and not (_is_whole(date) and int(date) <= _LATEST):
         return (f'SOURCE_DATE_EPOCH={date[:40]!r} must be a whole number of seconds since 1970: '
                 'set or unset it')
     wanted, known = os.environ.get('RMW_IMPLEMENTATION', ''), _middlewares() if ros else []
@@ -41,6 +48,11 @@ def complaint(ros: bool = False) -> str:
         return (f'RMW_IMPLEMENTATION={wanted[:40]!r} is not installed: unset it, or set it to '
                 f'{" or ".join(known)}')
     return ''
+
+
+def _is_whole(text: str) -> bool:
+    """Return whether a text is a whole number of at most 15 digits, without a sign."""
+    return text.isascii() and text.isdigit() and len(text) < 16
 
 
 def _missing_threads() -> int:

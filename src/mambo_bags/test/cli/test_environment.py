@@ -26,6 +26,16 @@ def test_a_date_passes(text, monkeypatch):
     assert complaint() == ''
 
 
+@pytest.mark.parametrize('text', ['0', '-1', '', 'two', '1.5', '\u0665'])
+def test_a_number_of_threads_that_is_none_is_named(text, monkeypatch):
+    monkeypatch.delenv('SOURCE_DATE_EPOCH', raising=False)
+    monkeypatch.setenv('NUMBA_NUM_THREADS', text)
+    assert complaint() == (f'NUMBA_NUM_THREADS={text!r} must be a whole number of threads, 1 or '
+                           'more: set or unset it')
+    monkeypatch.setenv('NUMBA_NUM_THREADS', '1')
+    assert complaint() == ''
+
+
 def test_a_middleware_that_is_not_installed_is_named_where_ros_is_used(tmp_path, monkeypatch):
     folder = tmp_path / 'share/ament_index/resource_index/rmw_typesupport'
     folder.mkdir(parents=True)
@@ -91,7 +101,22 @@ def test_low_limits_are_named(memory, count, said, monkeypatch):
     ([sys.executable, '-m', 'mambo_bringup.starting', 'run'], 'RMW_IMPLEMENTATION'),
     ([sys.executable, '-m', 'mambo_bringup.starting', 'run'], 'SOURCE_DATE_EPOCH')])
 def test_a_command_says_so_and_ends(start, variable):
-    done = subprocess.run(start, env={**os.environ, variable: 'abc'}, capture_output=True,
+    assert f": {variable}='abc' " in refused(start, variable, 'abc')
+
+
+@pytest.mark.parametrize('start', [
+    [*MAMBO, 'fly'], [sys.executable, '-m', 'mambo_bringup.starting', 'run']])
+@pytest.mark.parametrize('variable, value, said', [
+    ('PYTHONOPTIMIZE', '2', ': Python without docstrings, of which help texts are made, cannot '
+     'be used: unset PYTHONOPTIMIZE, or set it to 1\n'),
+    ('NUMBA_NUM_THREADS', '0', ": NUMBA_NUM_THREADS='0' must be a whole number of threads, ")])
+def test_a_setting_of_python_or_of_the_compiler_is_named(start, variable, value, said):
+    assert said in refused(start, variable, value)
+
+
+def refused(start, variable, value):
+    """Return the one line of a command that the environment keeps from starting."""
+    done = subprocess.run(start, env={**os.environ, variable: value}, capture_output=True,
                           text=True, timeout=60)
     assert done.returncode == 2 and done.stdout == '' and done.stderr.count('\n') == 1
-    assert f": {variable}='abc' " in done.stderr
+    return done.stderr
