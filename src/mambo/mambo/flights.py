@@ -24,7 +24,7 @@ from mambo_flight.scenario import override, Scenario
 from mambo_flight.scenario_file import Place
 from mambo_flight.sweep import monte_carlo
 from mambo_model.components import look_again
-from mambo_model.errors import InputError
+from mambo_model.errors import InputError, readable
 from mambo_model.whole_file import refuse_existing
 import numpy as np
 from numpy.typing import NDArray
@@ -128,7 +128,7 @@ class Flight:
     def bag(self) -> Bag:
         """Return the flight as a bag in memory."""
         with tempfile.TemporaryDirectory(prefix='mambo_') as folder:
-            return self.save(Path(folder) / self.name)
+            return self.save(Path(folder) / readable(self.name))
 
     def plot(self) -> Figure:
         """Return the figures of the flight on one sheet, as on the page of ``./run``."""

@@ -14,7 +14,7 @@ from mambo_bags.cli.option_types import MOST_WORKERS
 from mambo_flight.course import course_file
 from mambo_flight.sweep import command, design
 from mambo_model.components import look_again
-from mambo_model.errors import InputError
+from mambo_model.errors import InputError, readable
 import pandas
 import yaml
 
@@ -71,7 +71,7 @@ def _text(what: Mapping[str, Any]) -> str:
     """Return a sweep file with the content of a mapping, in which paths are absolute."""
     content = given.plain(what)
     if isinstance(name := content.get('scenario'), str):
-        content['scenario'] = design.scenario_in(name, Path.cwd())
+        content['scenario'] = _utf8(design.scenario_in(name, Path.cwd()))
     if 'vary' in content:
         content['vary'] = _absolute(content['vary'])
     try:
@@ -86,4 +86,11 @@ def _absolute(value: Any) -> Any:
         return {key: _absolute(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):
         return type(value)(map(_absolute, value))
-    return course_file.absolute(value, Path.cwd()) if isinstance(value, str) else value
+    return _utf8(course_file.absolute(value, Path.cwd())) if isinstance(value, str) else value
+
+
+def _utf8(name: str) -> str:
+    """Return a name; InputError if it is not UTF-8, as no sweep file can hold it then."""
+    if (shown := readable(name)) != name:
+        raise InputError(f'sweep: {shown} is not UTF-8: rename the file or folder')
+    return name

@@ -80,6 +80,12 @@ def test_a_saved_bag_is_that_of_the_command(tmp_path, capsys):
     assert ours == theirs
 
 
+def test_a_flight_of_a_file_whose_name_is_not_utf_8_has_a_bag(tmp_path):
+    file = tmp_path / 'fl\udcfcg.yaml'
+    file.write_text('title: Hover\ntrajectory: hover\nduration: 2\nlanding: false\n')
+    assert mambo.fly(file).bag.path.name == r'fl\xfcg'
+
+
 def test_a_course_that_cannot_be_flown_is_one_warning_at_the_line_of_the_call(monkeypatch):
     def quick(t):
         return 2.0 * math.sin(5.0 * t) - 10.0 * t * math.exp(-t), 0.0, -1.5

@@ -73,6 +73,18 @@ def test_a_file_that_is_missing_is_named_where_it_was_looked_for(tmp_path, monke
     assert str(error.value) == f'{tmp_path}/no.yaml: No such file or directory'
 
 
+def test_a_folder_that_no_file_can_name_is_named(tmp_path, monkeypatch):
+    folder = tmp_path / 'fl\udcfcg'
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    for what, name in (({'scenario': 'mine.yaml'}, 'mine.yaml'),
+                       ({'vary': {'vehicle': ['heavy.yaml']}}, 'heavy.yaml')):
+        with pytest.raises(mambo.InputError) as error:
+            mambo.sweep(what)
+        assert str(error.value) == (
+            rf'sweep: {tmp_path}/fl\xfcg/{name} is not UTF-8: rename the file or folder')
+
+
 def test_files_of_a_mapping_are_those_of_the_current_directory(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'mine.yaml').write_text(

@@ -17,7 +17,7 @@ import sys
 from typing import Any, TextIO
 import warnings
 
-from mambo_model.errors import InputError, MamboError, visible
+from mambo_model.errors import InputError, MamboError, readable, visible
 from mambo_model.whole_file import (
     check_writable, COMPARISON, is_named_as_of_a_bag, is_wrong_path, JSON, PAGE, PICTURE,
     refuse_other_kind, write_text)
@@ -62,12 +62,17 @@ class _Output:
     def write(self, text: str) -> int:
         """Write what a terminal can show; raise _OutputError on failure."""
         try:
-            return self._stream.write(visible(text))
+            return self._stream.write(self._encodable(visible(text)))
         except BrokenPipeError:
             self._discard()
             return len(text)
         except OSError as error:
             raise _OutputError(error) from None
+
+    def _encodable(self, text: str) -> str:
+        """Return a text with what the encoding of the output does not have escaped."""
+        encoding = getattr(self._stream, 'encoding', None) or 'utf-8'  # as of a text in memory
+        return text.encode(encoding, 'backslashreplace').decode(encoding)
 
     def flush(self) -> None:
         """Flush, likewise."""
@@ -414,6 +419,10 @@ def guard(name: str, work: Callable[[], None]) -> int:
         return _complain(name, f'the numbers are too extreme to compute with ({error})', 2)
     except RecursionError:
         return _complain(name, 'the input is nested too deeply', 2)
+    except UnicodeEncodeError as error:
+        if error.encoding != 'utf-8':
+            raise
+        return _complain(name, f'{_unreadable(error)} is not UTF-8: rename it', 2)
     except RuntimeError as error:
         if 'start new thread' not in str(error):
             raise
@@ -423,6 +432,12 @@ def guard(name: str, work: Callable[[], None]) -> int:
         if not isinstance(sys.exc_info()[1], SystemExit):  # which no code of ours raises in a job
             supervisor.ended()
     return int(output.lost)
+
+
+def _unreadable(error: UnicodeEncodeError) -> str:
+    """Return the name that could not be encoded: its line, if it is in a longer text."""
+    before, after = error.object[:error.start], error.object[error.start:]
+    return readable(before.rpartition('\n')[2] + after.partition('\n')[0])
 
 
 def _full(error: OSError) -> str:

@@ -22,7 +22,7 @@ import os
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from mambo_model.errors import MamboError
+from mambo_model.errors import MamboError, readable
 from mambo_model.whole_file import is_wrong_path
 from mcap.reader import make_reader
 import numpy as np
@@ -119,6 +119,30 @@ class _PlainDumper(yaml.SafeDumper):
 
 def _dump(data: Any) -> str:
     return yaml.dump(data, Dumper=_PlainDumper, sort_keys=False, width=1000)
+
+
+def refuse_name(path: Path | None) -> None:
+    """
+    Refuse a path that cannot be that of a bag, before any work is done.
+
+    Parameters
+    ----------
+    path
+        Directory to create; None: there is no bag to write.
+
+    Raises
+    ------
+    BagWriterError
+        If its last part names no directory, or if it is not UTF-8.
+
+    """
+    if path is None:
+        return
+    if path.name in ('', '.', '..'):
+        raise BagWriterError(f'{str(path)!r} cannot be the name of a bag: give a new directory')
+    if (shown := readable(str(path))) != str(path):  # it is written into metadata.yaml
+        raise BagWriterError(
+            f'{shown} cannot be the name of a bag: it is not UTF-8: give another name')
 
 
 class BagWriter:
@@ -229,14 +253,7 @@ class BagWriter:
         if os.path.lexists(self.path):
             raise BagWriterError(
                 f'{self.path} exists: give another name or remove it {NEVER}')
-        if self.path.name in ('', '.', '..'):
-            raise BagWriterError(
-                f'{str(self.path)!r} cannot be the name of a bag: give a new directory')
-        try:
-            str(self.path).encode()
-        except UnicodeEncodeError:  # it is written into metadata.yaml
-            raise BagWriterError(
-                f'{str(self.path)!r} cannot be the name of a bag: it is not UTF-8') from None
+        refuse_name(self.path)
         self.file = self.path / f'{self.path.name}_0.mcap'
         try:
             self._folder = self.path.absolute()  # a component may go to another one
@@ -251,16 +268,24 @@ class BagWriter:
             raise kind(f'cannot create the bag {self.path}: {error.strerror}') from error
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Append an MCAP metadata record; wall-clock values belong in :meth:`close`."""
-        self._add_extra(
-            'add_metadata', name, {str(key): str(value) for key, value in values.items()})
+        """
+        Append an MCAP metadata record; wall-clock values belong in :meth:`close`.
+
+        Names that are not UTF-8 are escaped, see :func:`mambo_model.errors.readable`.
+        """
+        self._add_extra('add_metadata', readable(name), {
+            readable(str(key)): readable(str(value)) for key, value in values.items()})
 
     def add_attachment(self, name: str, data: str | bytes, media_type: str = '') -> None:
-        """Append a file to the bag; its times are 0, its media type follows from its suffix."""
+        """
+        Append a file to the bag; its times are 0, its media type follows from its suffix.
+
+        Names that are not UTF-8 are escaped, see :func:`mambo_model.errors.readable`.
+        """
         self._add_extra(
-            'add_attachment', 0, 0, name,
+            'add_attachment', 0, 0, readable(name),
             media_type or MEDIA_TYPES.get(Path(name).suffix, 'application/octet-stream'),
-            data.encode() if isinstance(data, str) else bytes(data))
+            readable(data).encode() if isinstance(data, str) else bytes(data))
 
     def add_topic(
         self, name: str, type_name: str, qos: Qos | list[dict[str, Any]] = RELIABLE, *,

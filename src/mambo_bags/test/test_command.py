@@ -105,8 +105,23 @@ def test_names_cannot_steer_the_terminal(capsys):
         print(f'{name}\tis\nhere')
         raise InputError(name)
     assert guard('tool', work) == 2
-    shown = 'a\\x1b[2Jb\\u202ec\\udcffd\\x07\u00e9'
+    shown = 'a\\x1b[2Jb\\u202ec\\xffd\\x07\u00e9'
     assert capsys.readouterr() == (f'{shown}\tis\nhere\n', f'tool: {shown}\n')
+
+
+def test_a_name_that_is_not_utf_8_is_named_where_nothing_else_took_care_of_it(capsys):
+    def work():
+        'the flights:\n- fl\udcfcg\n- b\udcff\n'.encode()
+    assert guard('tool', work) == 2
+    assert capsys.readouterr() == ('', 'tool: - fl\\xfcg is not UTF-8: rename it\n')
+
+    with pytest.raises(UnicodeEncodeError):  # the fault of the program, not of the name
+        guard('tool', lambda: 'é'.encode('ascii'))
+
+
+def test_what_the_output_has_no_characters_for_is_escaped():
+    done = run(r"print('\u00e9 \udcfc'); print(1)", 'PYTHONIOENCODING=ascii:strict "$@"')
+    assert (done.returncode, done.stdout, done.stderr) == (0, '\\xe9 \\xfc\n1\n', '')
 
 
 @pytest.fixture

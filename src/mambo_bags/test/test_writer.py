@@ -226,6 +226,18 @@ def test_attachments_and_metadata_come_back_and_carry_no_wall_clock(tmp_path, st
     assert inside['message_count'] == 1267
 
 
+def test_names_that_are_not_utf_8_are_readable_in_a_bag(tmp_path, store):
+    name = 'fl\udcfcg.json'
+    write(tmp_path / 'flight', payloads(store), metadata={'import': {'source_file': name}},
+          attachments={name: f'# {name}\n'})
+    with data_file(tmp_path / 'flight').open('rb') as stream:
+        reader = make_reader(stream)
+        attached, = reader.iter_attachments()
+        records = {m.name: m.metadata for m in reader.iter_metadata()}
+    assert records['import'] == {'source_file': r'fl\xfcg.json'}
+    assert (attached.name, attached.data) == (r'fl\xfcg.json', rb'# fl\xfcg.json' + b'\n')
+
+
 def test_a_late_message_is_kept_and_counted(tmp_path, store):
     messages = payloads(store, 2.0)
     late = messages.pop(0)

@@ -17,7 +17,6 @@ from mambo_flight.world import formation, world_file
 from mambo_flight.world.world_file import Hall
 from mambo_model import schema
 from mambo_model.frames import flip_vector
-from mambo_model.whole_file import refuse_existing
 from mambo_ros import topics
 from mambo_ros.commands.client import check_namespace
 from mambo_ros.graph.wire import WireParams
@@ -25,7 +24,7 @@ from mambo_ros.graph.wire import WireParams
 from .flight.nodes import (
     COMPOSED, DESCRIPTION, HALL_CAPTURE, RECORDER, recorder_topics, run_parameters,
     start_arguments, take_cameras, world_process)
-from .processes import FlightInputError, parameter
+from .processes import FlightInputError, parameter, refuse_bag, refuse_not_utf8
 from .replay import ESTIMATOR, PLAYER, RECORDED
 
 PARAMETERS = ('estimator', 'controller', 'mode', 'speed', 'duration', 'seed')
@@ -71,7 +70,7 @@ def _recorder(bag: str, topics: str) -> list[tuple[str, str, dict[str, object]]]
     if not bag:
         return []
     path = Path(bag).expanduser().absolute()
-    refuse_existing(path, 'name another bag', FlightInputError)
+    refuse_bag(path, 'name another bag')
     return [(*RECORDER, {'bag': str(path), 'topics': topics, 'whole': False})]
 
 
@@ -172,7 +171,8 @@ def flight(arguments: Mapping[str, str]) -> Flight:
         world_file.check_cameras(drones.hall, drones.flights)
         hall, flown = drones.hall, dict(zip(drones.hall.places, drones.flights, strict=True))
     bag = Path(arguments['bag']).expanduser().absolute() if arguments['bag'] else None
-    refuse_existing(bag, 'name another bag', FlightInputError)
+    if bag is not None:
+        refuse_bag(bag, 'name another bag')
     bags = {name: bag if hall is None else bag / name.strip('/') for name in flown} if bag else {}
     described = arguments['description'] == 'true'
     own_clock = hall is not None or arguments['own_clock'] == 'true'
@@ -275,6 +275,7 @@ def replay_plan(arguments: Mapping[str, str]) -> Plan:
     """
     check_namespace(arguments['namespace'].strip('/'))
     bag = Path(arguments['bag']).expanduser().absolute()
+    refuse_not_utf8(bag)
     scenario = None
     if arguments['params_file']:
         scenario = scenarios.load(Path(arguments['params_file']).expanduser())

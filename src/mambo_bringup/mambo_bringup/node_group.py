@@ -9,7 +9,7 @@ from pathlib import Path
 import tempfile
 
 from .domain import Domain
-from .processes import end, Interrupts, NodeProcess, watch
+from .processes import end, Interrupts, NodeProcess, refuse_not_utf8, watch
 from .watchdog import Watchdog
 
 
@@ -57,6 +57,7 @@ class NodeGroup:
             self.domain = stack.enter_context(Domain()).number
             self._watchdog = Watchdog()
             stack.callback(self._watchdog.release)
+            refuse_not_utf8(Path(tempfile.gettempdir()), 'set TMPDIR to another folder')
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix='mambo_'))
             self._watchdog.keep(folder)
             self.folder = Path(folder)

@@ -23,7 +23,8 @@ from ament_index_python.packages import get_package_prefix, PackageNotFoundError
 from mambo_bags.cli.environment import low_limits
 from mambo_bags.cli.parent_end import end_with, LIBC
 from mambo_model import compiled
-from mambo_model.errors import JobError
+from mambo_model.errors import JobError, readable
+from mambo_model.whole_file import refuse_existing
 from mambo_ros.graph.ending_signals import ending, SIGNALS
 
 from .watchdog import INTERRUPT_TIMEOUT, is_stopped, TERMINATE_TIMEOUT
@@ -75,6 +76,49 @@ def executable(package: str, name: str) -> Path:
         raise FlightError(
             f'{package} {name} is not installed: run colcon build, then source env.bash')
     return path
+
+
+def refuse_not_utf8(path: Path, instead: str = 'rename the file or folder') -> None:
+    """
+    Refuse a path that is not UTF-8, before a node is to open it: ROS has no other text.
+
+    Parameters
+    ----------
+    path
+        Absolute, as the node gets it.
+    instead
+        What the user can do.
+
+    Raises
+    ------
+    FlightInputError
+        If a part of it is not UTF-8.
+
+    """
+    shown = readable(str(path))
+    if shown != str(path):
+        raise FlightInputError(f'{shown} is not UTF-8, and no node can open it: {instead}')
+
+
+def refuse_bag(bag: Path, instead: str = 'give another --output') -> None:
+    """
+    Refuse a bag to record that exists, or whose absolute path is not UTF-8.
+
+    Parameters
+    ----------
+    bag
+        Directory that a recorder will create.
+    instead
+        What the user can do besides removing or renaming it.
+
+    Raises
+    ------
+    FlightInputError
+        In one line that names it.
+
+    """
+    refuse_existing(bag, instead, FlightInputError)
+    refuse_not_utf8(bag.absolute(), f'{instead}, or rename the folder')
 
 
 def parameter(name: str, text: str | Path) -> list[str]:

@@ -18,14 +18,14 @@ from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser, program
 from mambo_bags.reader import Bag, BagError, read_bag
 from mambo_flight import offline_replay, recorded_changes, scenario as scenarios
-from mambo_model.whole_file import refuse_existing
 from mambo_ros import topics
 from mambo_signals import stamps
 
 from .flight.nodes import RECORDER
 from .flight.outcome import print_refused, refused
 from .node_group import NodeGroup
-from .processes import FlightError, FlightInputError, load, parameter
+from .processes import (
+    FlightError, FlightInputError, load, parameter, refuse_bag, refuse_not_utf8)
 from .stopping import stoppable
 
 ESTIMATOR = ('mambo_estimation', 'estimator_node')
@@ -72,7 +72,9 @@ def replay(bag: Path, output: Path, rate: float = 0.0,
         If the user ended it; carries the signal. The output is closed.
 
     """
-    refuse_existing(output, error=FlightInputError)
+    refuse_bag(output)
+    for path in filter(None, (bag, estimator_file)):
+        refuse_not_utf8(path.absolute())
     recording = read_bag(  # refused here if damaged
         bag, (*recorded_changes.RECORD, *_STEPS, *_SENSORS), namespace)
     for line in stamps.below_zero(recording, _SENSORS):

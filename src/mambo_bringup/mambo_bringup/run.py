@@ -21,9 +21,9 @@ from mambo_flight import flight_options, scenario as scenarios, scenario_file
 from mambo_flight.world import formation, plot_separation, separation
 from mambo_flight.world.world_file import check_cameras, Hall
 from mambo_model import schema
-from mambo_model.errors import InputError
+from mambo_model.errors import InputError, readable
 from mambo_model.motion.trajectory import COURSE
-from mambo_model.whole_file import exists, refuse_existing
+from mambo_model.whole_file import exists
 from mambo_ros.graph import loopback
 from mambo_ros.topics import NAMESPACE
 from mambo_sim import lockstep
@@ -36,7 +36,7 @@ from .flight.nodes import (
     COMPOSED, FLIGHT_NODES, HALL_CAPTURE, RECORDER, REPLACEABLE, SIMULATOR)
 from .flight.outcome import FlightEndedError, Outcome, print_refused
 from .flight.runner import fly_several
-from .processes import FlightError, load
+from .processes import FlightError, load, refuse_bag
 from .stopping import stoppable
 
 CONTROLLER = 'flatness_drag'
@@ -213,14 +213,14 @@ def _fly_and_report(
     hall: Hall | None = None,
 ) -> None:
     """Fly one drone, or several in a hall; print the result of each, and of all."""
-    refuse_existing(options.output)
+    bag = options.output or _free(Path('bags'), readable(name))
+    refuse_bag(bag)
     domain.check()  # before anything is compiled
     spaces = list(flights)
     composed = _composed(options, flights[spaces[0]].sim_node.mode)
     if os.environ.get(loopback.RANGE) == 'OFF' and not composed:
         raise InputError(f'{loopback.RANGE}=OFF keeps nodes from finding each other: unset it, or '
                          'fly with --composed')
-    bag = options.output or _free(Path('bags'), name)
     if options.natnet:
         natnet.check_ports(options.natnet)
     if options.view:

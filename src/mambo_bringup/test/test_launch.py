@@ -325,6 +325,16 @@ def test_what_exists_is_not_recorded_over(bag):
         replay_plan(arguments('replay.launch.py', bag=str(bag), output=str(bag)))
 
 
+def test_paths_that_no_node_can_open_are_refused(tmp_path, bag):
+    other = str(tmp_path / 'd\udcfc')
+    for refused in (
+            lambda: flight(bag=other),
+            lambda: replay_plan(arguments('replay.launch.py', bag=other)),
+            lambda: replay_plan(arguments('replay.launch.py', bag=str(bag), output=other))):
+        with pytest.raises(FlightError, match=r'd\\xfc is not UTF-8, and no node can open it: '):
+            refused()
+
+
 def test_a_replay_uses_the_parameters_of_the_bag(bag):
     plan = replay_plan(arguments('replay.launch.py', bag=str(bag)))
     assert plan.scenario.estimator_node.kalman.optical_flow.constant == 1.1

@@ -194,6 +194,17 @@ def test_a_node_in_a_hurry_goes_before_others(start):
     process.raise_priority()  # too late, and no harm
 
 
+def test_a_folder_for_files_of_the_moment_that_no_node_can_name_is_named(tmp_path, monkeypatch):
+    folder = tmp_path / 't\udcfc'
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, 'tempdir', str(folder))
+    with pytest.raises(processes.FlightInputError) as error, NodeGroup('recorder'):
+        pass
+    assert str(error.value) == (rf'{tmp_path}/t\xfc is not UTF-8, and no node can open it: set '
+                                'TMPDIR to another folder')
+    assert not list(folder.iterdir())
+
+
 def test_bytes_that_are_no_text_do_not_stop_the_reading(start):
     process = start('import os\nos.write(1, b"\\xff\\nError: seen\\n")')
     process.wait(PATIENCE)

@@ -105,6 +105,16 @@ def test_a_parameter_file_without_the_estimator_is_refused_before_any_node(tmp_p
         replay.replay(tmp_path / 'bag', tmp_path / 'out', estimator_file=file)
 
 
+@pytest.mark.parametrize('names', [('\udcfc', 'out'), ('bag', '\udcfc'), ('bag', 'out', '\udcfc')])
+def test_paths_that_no_node_can_open_are_refused_before_any_node(tmp_path, monkeypatch, names):
+    monkeypatch.setattr(replay, 'NodeGroup', None)  # nothing is started
+    bag, output, *file = (tmp_path / name for name in names)
+    with pytest.raises(processes.FlightInputError) as error:
+        replay.replay(bag, output, 0.0, *file)
+    assert str(error.value).startswith(
+        rf'{tmp_path}/\xfc is not UTF-8, and no node can open it: ')
+
+
 def test_one_drone_of_several_is_chosen(tmp_path, monkeypatch):
     with BagWriter(tmp_path / 'bag') as bag:
         names = [f'/mambo{k}/imu/data_raw' for k in (1, 2)]

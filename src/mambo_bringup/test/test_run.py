@@ -253,6 +253,25 @@ def test_a_bag_gets_a_name_that_is_free(tmp_path, monkeypatch):
     assert run('--output', 'mine')[1] == tmp_path / 'mine'
 
 
+def test_a_bag_that_no_node_can_open_is_refused_before_anything_is_loaded(
+        tmp_path, monkeypatch, capsys):
+    course = tmp_path / 'fl\udcfcg.csv'
+    course.write_text('t, x, y, height\n0, 0, 0, 1\n8, 1, 0, 1\n')
+    folder = tmp_path / 'd\udcfc'
+    folder.mkdir()
+    with pytest.raises(SystemExit, match='2'):
+        run('--output', f'{folder}/bag')
+    monkeypatch.chdir(folder)
+    with pytest.raises(SystemExit, match='2'):
+        run()
+    hint = 'is not UTF-8, and no node can open it: give another --output, or rename the folder'
+    assert capsys.readouterr().err == (
+        f'run: {tmp_path}/d\\xfc/bag {hint}\n'
+        f'run: {tmp_path}/d\\xfc/bags/circle_joint_seed1 {hint}\n')
+    monkeypatch.chdir(tmp_path)
+    assert run('--trajectory', str(course))[1] == tmp_path / r'bags/fl\xfcg_joint_seed1'
+
+
 def test_a_link_that_leads_nowhere_is_no_bag_to_create(tmp_path, capsys):
     (tmp_path / 'bag').symlink_to('gone')
     with pytest.raises(SystemExit, match='2'):

@@ -16,6 +16,7 @@ import time
 from typing import Any
 
 from mambo_bags.command import guard, interrupted, Parser
+from mambo_bags.writer import refuse_name
 from mambo_model import limits
 from mambo_model.errors import InputError, JobError
 from mambo_model.motion.height_check import flight_fault, over_in_the_air
@@ -143,6 +144,7 @@ def _run(options: argparse.Namespace) -> None:
     if options.output is None:
         raise InputError('-o/--output is missing')
     refuse_existing(options.output)
+    refuse_name(options.output)
     name, flight = _scenario(options)
     if not flight.sim_node.duration > 0.0:
         raise InputError(f'{name}: sim_node.duration must be more than 0 s')

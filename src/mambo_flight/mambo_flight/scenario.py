@@ -19,9 +19,10 @@ from mambo_estimation.filters import DEFAULT
 from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_model import schema
 from mambo_model.components import absolute
+from mambo_model.errors import readable
 from mambo_model.motion.trajectory import FlightPlanParams
 from mambo_model.vehicle.parameters import find
-from mambo_model.yaml_nodes import load as load_yaml, Loader, Reader, reason
+from mambo_model.yaml_nodes import dump, dump_value, load as load_yaml, Loader, Reader, reason
 from mambo_sim.parameters import OptitrackNodeParams, SimNodeParams
 import yaml
 
@@ -233,7 +234,7 @@ def to_yaml(flight: Scenario, namespace: str = '/mambo') -> str:
         f'{namespace}/{field.name}': {
             'ros__parameters': plain(dataclasses.asdict(getattr(flight, field.name)))}
         for field in dataclasses.fields(flight)}
-    return yaml.safe_dump(sections, sort_keys=False)
+    return dump(sections)
 
 
 def commented_yaml(flight: Scenario, namespace: str = '/mambo') -> str:
@@ -248,7 +249,7 @@ def commented_yaml(flight: Scenario, namespace: str = '/mambo') -> str:
     for field in dataclasses.fields(flight):
         lines += [f'{namespace}/{field.name}:', '  ros__parameters:']
         lines += _commented(getattr(flight, field.name), '    ')
-    return '\n'.join(lines) + '\n'
+    return readable('\n'.join(lines) + '\n')
 
 
 def _commented(params: Any, indent: str) -> Iterator[str]:
@@ -265,8 +266,7 @@ def _commented(params: Any, indent: str) -> Iterator[str]:
             yield from (f'{indent}  {line}' for line in value.splitlines())
             continue
         plain = list(value) if isinstance(value, tuple) else value
-        # as a list: PyYAML ends a single scalar with a marker
-        written = yaml.safe_dump([plain], default_flow_style=True, width=10 ** 9)[1:-2]
+        written = dump_value(plain)
         yield f'{f"{indent}{field.name}: {written}":<47} # {_comment(field.metadata, value)}'
 
 

@@ -143,6 +143,13 @@ def test_a_flight_of_no_time_is_refused(tmp_path, capsys, flown):
     assert not flown
 
 
+def test_a_name_that_no_bag_can_have_is_refused_before_the_flight(tmp_path, capsys, flown):
+    assert fly.main(['--trajectory', 'circle', '-o', f'{tmp_path}/fl\udcfcg']) == 2
+    assert capsys.readouterr().err == (f'fly: {tmp_path}/fl\\xfcg cannot be the name of a bag: '
+                                       'it is not UTF-8: give another name\n')
+    assert not flown
+
+
 def test_a_fault_of_a_component_of_yours_is_told_after_the_bag(file, tmp_path, capsys, flown,
                                                               monkeypatch):
     monkeypatch.setattr(fly.supervised, 'fly', lambda flight, inner: (

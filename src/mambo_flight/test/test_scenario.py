@@ -45,6 +45,14 @@ def test_what_is_written_is_read_back(write, namespace):
 
 
 @pytest.mark.parametrize('write', [to_yaml, commented_yaml])
+def test_the_name_of_a_course_that_is_not_utf_8_is_written_readably(write):
+    named = override(scenario(), {'reference_node.plan.course': '# fl\udcfcg.csv\n1, 2\n'})
+    text = write(named)
+    assert text.encode() and from_yaml(text).reference_node.plan.course.startswith(
+        '# fl\\xfcg.csv\n')
+
+
+@pytest.mark.parametrize('write', [to_yaml, commented_yaml])
 def test_a_component_without_parameters_has_no_group(write, tmp_path):
     """The parser of ROS refuses an empty group: "No value at line 713"."""
     file = tmp_path / 'plain.py'

@@ -22,7 +22,7 @@ import re
 from typing import Any
 
 from . import own_file
-from .errors import MamboError
+from .errors import MamboError, readable
 from .own_file import describe, digest, fault_place, load_file, name_apart
 from .schema import component_fields, group, ParameterError, shown
 from .script import python, script_source, signature, WithoutMemory
@@ -245,6 +245,9 @@ class Registry:
         """Load a user's component without checking it."""
         if found := _FILE.fullmatch(name):
             path = Path(found[1])
+            if readable(found[1]) != found[1]:
+                raise ParameterError(f'{path} is not UTF-8, and no scenario can name it: rename '
+                                     'the file or folder')
             module = load_file(path)
             holder, title = module, path.stem
             if found[2]:

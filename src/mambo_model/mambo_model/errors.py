@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from typing import ClassVar
 
-_HIDDEN = re.compile(  # control, invisible and unencodable characters
-    '[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff'
-    '\ud800-\udfff]')
+_HIDDEN = re.compile(  # control and invisible characters
+    '[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff]')
+_SURROGATE = re.compile('[\ud800-\udfff]')
 
 
 class MamboError(Exception):
@@ -35,11 +35,27 @@ class JobError(MamboError, RuntimeError):
     exit_code = 1
 
 
+def readable(text: str) -> str:
+    r"""
+    Return a text that UTF-8 can encode: what it cannot is escaped, a byte as ``\xfc``.
+
+    Python reads a byte of a file name that is not UTF-8 as a surrogate, U+DC80 to U+DCFF. Another
+    surrogate is escaped as ``\ud800``.
+    """
+    return _SURROGATE.sub(_escaped, text)
+
+
+def _escaped(found: re.Match[str]) -> str:
+    code = ord(found[0])
+    return f'\\x{code - 0xdc00:02x}' if 0xdc80 <= code <= 0xdcff else f'\\u{code:04x}'
+
+
 def visible(text: str) -> str:
     r"""
     Escape control and invisible characters of a text, for example as ``\x1b``.
 
     Names in recordings and of files may hold sequences that clear the screen, hide a word or
-    reverse the direction of writing.
+    reverse the direction of writing. What UTF-8 cannot encode is as of :func:`readable`.
     """
-    return _HIDDEN.sub(lambda found: found[0].encode('unicode_escape').decode(), text)
+    return _HIDDEN.sub(
+        lambda found: found[0].encode('unicode_escape').decode(), readable(text))

@@ -9,7 +9,7 @@ import os
 from pathlib import Path
 from typing import NamedTuple
 
-from .errors import InputError, JobError, MamboError
+from .errors import InputError, JobError, MamboError, readable
 
 
 def is_wrong_path(error: OSError) -> bool:
@@ -191,8 +191,9 @@ def write_text(path: Path, text: str, kind: Kind | None = None) -> Path:
     """
     Write a text file atomically, see :func:`replacing`; return its path.
 
-    Characters that UTF-8 cannot encode, as in some file names, are escaped.
+    Characters that UTF-8 cannot encode, as in some file names, are escaped by
+    :func:`mambo_model.errors.readable`.
     """
     with replacing(path, kind) as part:
-        part.write_text(text, encoding='utf-8', errors='backslashreplace')
+        part.write_text(readable(text), encoding='utf-8')
     return path

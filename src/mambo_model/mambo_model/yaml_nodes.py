@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 import yaml
 
 from . import limits
+from .errors import readable
 from .schema import check_field, ParameterError, shown
 
 _BYTES = 160  # characters of a text for each node that it may have
@@ -34,6 +35,40 @@ class Loader(getattr(yaml, 'CSafeLoader', yaml.SafeLoader)):
 Loader.add_implicit_resolver(
     'tag:yaml.org,2002:float', re.compile(r'[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$'),
     list('-+.0123456789'))
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes texts so that they can be read again: YAML has no surrogates, not even escaped."""
+
+
+_Dumper.add_representer(
+    str, lambda dumper, text: yaml.SafeDumper.represent_str(dumper, readable(text)))
+
+
+def dump(data: Any, **options: Any) -> str:
+    """
+    Return data as YAML, mappings in their order; names that are not UTF-8 are made readable.
+
+    Parameters
+    ----------
+    data
+        Numbers, texts, lists and mappings.
+    **options
+        As of ``yaml.dump``.
+
+    Raises
+    ------
+    yaml.YAMLError
+        For data of another type.
+
+    """
+    return yaml.dump(data, Dumper=_Dumper, sort_keys=False, **options)
+
+
+def dump_value(value: Any) -> str:
+    """Return one value as YAML in one line, to stand behind its name."""
+    # as a list: PyYAML ends a single scalar with a marker
+    return dump([value], default_flow_style=True, width=10 ** 9)[1:-2]
 
 
 def _measure(text: str) -> None:

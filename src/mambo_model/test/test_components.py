@@ -141,6 +141,13 @@ def test_a_file_that_is_not_there_or_has_a_taken_name_is_refused(registry, write
         registry.find(write(GOOD, 'my-filter.py'))
 
 
+def test_a_file_that_no_scenario_can_name_is_refused(registry, tmp_path):
+    with pytest.raises(schema.ParameterError) as error:
+        registry.find(f'{tmp_path}/fl\udcfcg/mine.py:Other')
+    assert str(error.value).encode('utf-8', 'surrogateescape').endswith(
+        b'/fl\xfcg/mine.py is not UTF-8, and no scenario can name it: rename the file or folder')
+
+
 def test_another_content_or_helper_is_another_component(registry, write):
     write('FACTOR = 1')
     path = write('import helper' + GOOD)

@@ -96,3 +96,17 @@ def test_a_number_that_no_float_holds_is_out_of_range(name, value):
     assert len(str(refused.value)) < 300
     with pytest.raises(schema.ParameterError, match=name):
         parameters.Vehicle(**{name: given})
+
+
+@pytest.mark.parametrize('loader', [yaml_nodes.Loader, yaml.SafeLoader])
+def test_what_is_written_can_be_read_again_whatever_the_names(loader):
+    data = {'b': ['fl\udcfcg', 'é', 'a\nb', '1', True, 0.1], 'a\udcff': {'c': '\ud800'}}
+    text = yaml_nodes.dump(data)
+    assert list(yaml.load(text, loader).items()) == [
+        ('b', [r'fl\xfcg', 'é', 'a\nb', '1', True, 0.1]), (r'a\xff', {'c': r'\ud800'})]
+    assert yaml.load(f'a: {yaml_nodes.dump_value(data["b"])} # b', loader)['a'][0] == r'fl\xfcg'
+
+
+def test_a_value_is_written_in_one_line_to_stand_behind_its_name():
+    assert yaml_nodes.dump_value('a ' * 500) == f"'{'a ' * 500}'"
+    assert yaml_nodes.dump_value([0.5, 'x: y']) == "[0.5, 'x: y']"

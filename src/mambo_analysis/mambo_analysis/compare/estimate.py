@@ -21,7 +21,7 @@ from typing import NamedTuple
 from mambo_bags import columns
 from mambo_bags.command import guard, Parser
 from mambo_bags.reader import Bag, BagError, Batch, Messages, read_bag
-from mambo_bags.writer import BagWriter
+from mambo_bags.writer import BagWriter, refuse_name
 from mambo_estimation.parameters import EstimatorNodeParams
 from mambo_flight import (
     changes, offline_replay, recorded_changes, recording_to_bag, scenario)
@@ -237,6 +237,7 @@ def _smoothed(
 
 def _work(options: argparse.Namespace) -> None:
     refuse_existing(options.output)
+    refuse_name(options.output)
     began = time.perf_counter()
     bag, ours, text = again(options.bag, options.parameters, options.namespace)
     took, found = time.perf_counter() - began, ours.found

@@ -22,6 +22,7 @@ from mambo_bags.command import Parser
 from mambo_flight.closed_loop import Recording
 from mambo_model import palette
 from mambo_model.frames import body_quaternion, flip_vector
+from mambo_model.yaml_nodes import dump
 from mambo_signals import motion, outliers
 from mambo_signals.derivative import body_rates, local_fit
 from mambo_signals.resample import columns_at
@@ -29,7 +30,6 @@ from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-import yaml
 
 from . import flow_doubts, regression, result
 from .regression import IdentifyError, Value
@@ -416,7 +416,7 @@ def _estimator_file(found: dict[str, Factor], best: str) -> str:
     if found[best].leak:
         flow['rotation_leak'] = found[best].leak.value
     parameters = {'ros__parameters': {'kalman': {'optical_flow': flow}}}
-    return yaml.safe_dump({'/mambo/estimator_node': parameters}, sort_keys=False)
+    return dump({'/mambo/estimator_node': parameters})
 
 
 def read(

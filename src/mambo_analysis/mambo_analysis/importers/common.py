@@ -12,6 +12,7 @@ from mambo_bags import columns
 from mambo_bags.command import Parser
 from mambo_bags.mcap_reader import BagError, read_file
 from mambo_bags.writer import BagWriter
+from mambo_model.yaml_nodes import dump
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from rosbags.typesys.store import Typestore
@@ -79,8 +80,7 @@ def estimator_parameters(
     for estimator, groups in changes.items():
         for group, values in groups.items():
             node.setdefault(estimator, {}).setdefault(group, {}).update(values)
-    return {'scenario.yaml': yaml.safe_dump(
-        {'/mambo/estimator_node': {'ros__parameters': node}}, sort_keys=False)}
+    return {'scenario.yaml': dump({'/mambo/estimator_node': {'ros__parameters': node}})}
 
 
 def shortened(names: Sequence[str], most: int = 12) -> str:

@@ -180,6 +180,7 @@ def test_parameters_of_another_drone_are_refused(tmp_path):
 
 @pytest.mark.parametrize('options, text, output', [
     (['--out', 'SOURCE'], '', 'exists: give another --out'),
+    (['--out', 'fl\udcfcg'], '', r'fl\xfcg cannot be the name of a bag: it is not UTF-8'),
     (['--parameters', 'nowhere.yaml'], '', 'nowhere.yaml: No such file'),
     (['--parameters', 'FILE'], to_yaml(scenario(estimator='ground_truth')), 'ground_truth'),
     (['--parameters', 'FILE'], '][', 'FILE:1: not valid YAML'),

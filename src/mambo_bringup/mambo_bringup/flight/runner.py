@@ -14,10 +14,9 @@ import signal
 from mambo_flight import scenario as scenarios
 from mambo_flight.world import world_file
 from mambo_flight.world.world_file import Hall
-from mambo_model.whole_file import refuse_existing
 
 from ..node_group import NodeGroup
-from ..processes import FlightInputError, NodeProcess, parameter
+from ..processes import NodeProcess, parameter, refuse_bag
 from ..stuck import closed_again, guests, is_closed, is_own, Silence, stuck
 from .natnet import write as write_natnet
 from .nodes import (
@@ -83,7 +82,7 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
 
     """
     for bag in bags.values():
-        refuse_existing(bag, error=FlightInputError)
+        refuse_bag(bag)
     progress: dict[str, Progress] = {}
     started: dict[str, list[NodeProcess]] = {}
     silences: dict[str, Silence] = {}

@@ -64,6 +64,13 @@ def test_an_existing_bag_is_never_touched(graph, tmp_path):
         fly(short(), tmp_path / 'bag')
 
 
+def test_a_bag_that_no_node_can_open_is_refused_before_any_node(graph, tmp_path):
+    graph()
+    with pytest.raises(FlightError, match='is not UTF-8, and no node can open it: give another'):
+        fly(short(), tmp_path / 'd\udcfc/bag')
+    assert not list(tmp_path.glob('*.up'))
+
+
 def test_an_interrupt_of_the_runner_ends_every_node_in_order(graph, tmp_path):
     graph()
     runner = subprocess.Popen([sys.executable, '-c', f"""

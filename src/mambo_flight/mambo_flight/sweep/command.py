@@ -19,6 +19,7 @@ import warnings
 
 from mambo_bags.cli.option_types import FLIGHT, WORKERS
 from mambo_bags.command import guard, interrupted, Parser, program
+from mambo_bags.writer import refuse_name
 from mambo_model.motion.height_check import FAR
 from mambo_model.whole_file import PICTURE, refuse_existing, refuse_other_kind
 import numpy as np
@@ -173,6 +174,7 @@ def _measure(path: Path, ideal: bool) -> None:
 def _fly(path: Path, number: int, out: Path) -> None:
     """Fly one flight of a sweep and write its bag."""
     refuse_existing(out)
+    refuse_name(out)
     flights = design.Flights(design.read(path))
     if number >= len(flights):
         raise SweepError(f'--flight {number}: the last flight of {path} is {len(flights) - 1}')

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, NoReturn
 
 from mambo_model import schema
 from mambo_model.motion.vector import Vec3
-from mambo_model.yaml_nodes import compose, load, read_text, reason
+from mambo_model.yaml_nodes import compose, dump, load, read_text, reason
 from mambo_sim.sensors import hall_capture
 from mambo_sim.world import MOST, WorldParams
 import yaml
@@ -56,8 +56,7 @@ _FRAME = ('# A place is where the frame of a drone begins in the hall, x y z in 
 def to_text(hall: Hall) -> str:
     """Return a hall as YAML."""
     places = {name: [float(x) for x in place] for name, place in hall.places.items()}
-    return yaml.safe_dump(
-        {'world': dataclasses.asdict(hall.params), 'places': places}, sort_keys=False) + _FRAME
+    return dump({'world': dataclasses.asdict(hall.params), 'places': places}) + _FRAME
 
 
 def parse(text: str, where: str) -> Hall:

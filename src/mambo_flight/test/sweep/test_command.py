@@ -211,7 +211,8 @@ def test_one_flight_of_a_sweep_is_flown_as_it_stands_in_the_table(
         with pytest.raises(SystemExit) if '-1' in words else contextlib.nullcontext():
             assert main([str(file), *words, '-o', str(tmp_path / 'other')]) == 2
         assert told in capsys.readouterr().err
-    assert main([str(file), '--flight', '0', '-o', str(tmp_path / 'there')]) == 2
+    for name in ('there', 'fl\udcfcg'):
+        assert main([str(file), '--flight', '0', '-o', str(tmp_path / name)]) == 2
     assert len(flown) == 1
 
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 import yaml
 
 from ..schema import build, check_field, flatten, ParameterError, unknown, walk
-from ..yaml_nodes import Reader
+from ..yaml_nodes import dump_value, Reader
 from .mass_properties import Point
 
 P = TypeVar('P')
@@ -157,7 +157,7 @@ def _scalar(value: Any) -> str:
         return str(value).lower()
     if isinstance(value, (int, float)):
         return repr(value)
-    return yaml.safe_dump([value], default_flow_style=True, width=10 ** 6)[1:-2]
+    return dump_value(value)
 
 
 def _lines(tree: dict[str, Any], indent: str) -> list[str]:

@@ -156,6 +156,13 @@ def test_a_written_file_reads_back_to_the_bit(file):
     assert parameters.load(file(text)) == third
 
 
+def test_a_written_file_can_be_read_whatever_the_recording_is_called(file):
+    text = vehicle_file.to_text(
+        'what fl\udcfcg tells', 'toolbox', {'mass': (0.06, 'fl\udcfcg')}, parameters.Vehicle)
+    assert r'what fl\xfcg tells' in text and r'source: fl\xfcg' in text
+    assert parameters.load(file(text)).mass == 0.06
+
+
 def test_a_written_file_names_only_what_changes(file):
     text = vehicle_file.to_text(
         'lighter', 'toolbox', {'mass': (0.06, 'scale')}, parameters.Vehicle)
