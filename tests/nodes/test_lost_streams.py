@@ -72,14 +72,34 @@ def test_a_pair_is_answered_whichever_comes_first(controller):
     assert controller.stamps == [0, 1]
 
 
+def test_while_references_are_missing_estimates_are_answered_at_once_until_one_comes(controller):
+    controller.estimate(0)
+    controller.reference(0)
+    for k in range(1, 21):
+        controller.estimate(k)
+    assert controller.stamps == [0]  # within the patience
+    controller.estimate(21)
+    assert controller.stamps[-1] == 21
+    controller.estimate(22)
+    controller.reference(1)  # long past
+    controller.estimate(23)
+    assert controller.stamps[-1] == 23
+    controller.reference(24)
+    assert controller.stamps[-1] == 23
+    controller.estimate(24)
+    controller.estimate(25)  # the reference is back: it is waited for
+    assert controller.stamps[-1] == 24
+    controller.reference(25)
+    assert controller.stamps == [0, *range(1, 26)]
+
+
 @pytest.mark.parametrize('still', ['estimate', 'reference'])
 def test_a_stream_that_is_ahead_by_the_patience_is_answered_alone(controller, still):
     controller.estimate(0)
     controller.reference(0)
     for k in range(1, 100):
         getattr(controller, still)(k)
-    # 0.1 s of patience are 20 steps: 79 is as old as that when 99 comes
-    assert controller.stamps == list(range(80))
+    assert controller.stamps == list(range(100))
     assert controller.node.stage == (
         failsafe.LANDING if still == 'estimate' else failsafe.DESCENDING_BLIND)
     pwm, shutdown = messages.decode_motor_pwm(controller.answers[-1])[1:]
@@ -329,7 +349,7 @@ def test_a_reference_from_before_the_flight_is_forgotten_with_its_publisher(
         controller.hear(topics.CLOCK, messages.clock(300 * STEP))
     for k in range(100, 200):
         guard(messages.reference(k * STEP, POINT, trajectory.TRACK), b'a stranger')
-    assert controller.stamps == list(range(100, 180))  # for these the patience is over
+    assert controller.stamps == list(range(100, 200))  # nobody sends estimates
     assert controller.node.stage == failsafe.DESCENDING_BLIND
     assert not guard.is_deserted(0)
     controller.answers.clear()

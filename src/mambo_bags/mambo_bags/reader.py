@@ -191,7 +191,7 @@ class Messages:
         """Return whether the bytes of a message can be decoded."""
         one = Messages(self.topic, self.type_name, self._store, [Batch.of([(0, 0, data)])])
         try:
-            one._decode()
+            next(one.objects())
         except BagError:
             return False
         return True

@@ -7,7 +7,7 @@ import time
 from mambo_bags import columns
 from mambo_bags.reader import BagError, read_bag
 from mambo_bags.writer import BagWriter
-from mambo_ros import messages
+from mambo_ros import diagnostics, messages
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
@@ -313,6 +313,19 @@ def test_a_message_that_is_not_its_type_is_named(tmp_path):
     writer.close()
     with pytest.raises(BagError, match='b: /mambo/motor_pwm: message 0 is not a mambo'):
         read_bag(tmp_path / 'b')['motor_pwm'].pwm
+
+
+def test_a_report_that_claims_more_than_it_holds_is_left_out(tmp_path):
+    good = diagnostics.report(0, 'sim_node', diagnostics.OK, 'well', {})
+    bad = bytes.fromhex('00010000000000000000000001000000ffffffff00000000')
+    writer = BagWriter(tmp_path / 'b')
+    writer.add_topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray')
+    for t, data in enumerate([good, bad, good]):
+        writer.write('/diagnostics', data, t)
+    writer.close()
+    kept = read_bag(tmp_path / 'b')['/diagnostics'].readable()
+    assert kept.log_time.tolist() == [0, 2] and len(list(kept.objects())) == 2
+    assert kept.readable() is kept
 
 
 @pytest.mark.parametrize('bad', [b'\0\1\0\0\1', b'\0\1\0\0' + bytes(70_000)])

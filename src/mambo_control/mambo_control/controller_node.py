@@ -11,7 +11,6 @@ from mambo_ros.graph.publisher_guard import PublisherGuard
 from rclpy.clock import Clock, ClockType
 
 from . import failsafe
-from .command import Command
 from .failsafe import NO_REFERENCE, NO_STATE, Spread
 from .parameters import ControllerNodeParams
 
@@ -28,11 +27,6 @@ def _step(held, state, spread, ref, phase):
     held.memory, command = failsafe.step(
         held.memory, state, spread, ref, phase, dt, gains, limits, vehicle)
     return command, held.memory.stage, held.memory.reason, held.memory.phase
-
-
-def _check_estimate(estimate: tuple) -> str:
-    """Return what is wrong with the numbers of a decoded estimate, empty if nothing."""
-    return input_guard.finite(*estimate[1])
 
 
 def _check_reference(reference: tuple) -> str:
@@ -54,7 +48,8 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
     ``/clock``, which bounds the stamps of the two; answers each pair of equal stamps with
     ``motor_pwm`` and ``controller/state``. Where one of a pair is missing and the other stream is
     ``patience`` ahead, or nobody publishes the missing stream any more, the other one is answered
-    without it, as :mod:`failsafe` says. A shutdown stays until the node is started again.
+    without it, as :mod:`failsafe` says, and at once until the missing stream is heard again. A
+    shutdown stays until the node is started again.
     """
 
     publishes = (topics.MOTOR_PWM, topics.CONTROLLER_STATE, topics.DIAGNOSTICS)
@@ -70,6 +65,7 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         self._references: dict[int, tuple] = {}
         self._last = -1
         self._gone = (False, False)  # nobody publishes references, estimates any more
+        self._silent = [False, False]  # they were overdue, and none has come since
         self._told = failsafe.FLYING
         self.compile(p)
         self.held = self._begin()
@@ -84,7 +80,7 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
             self.accept(topics.REFERENCE, messages.decode_reference, self._on_reference,
                         check=_check_reference, **bounds),
             self.accept(self._estimate, messages.decode_estimate, self._on_estimate,
-                        check=_check_estimate, **bounds))
+                        check=input_guard.check_state, **bounds))
         for guard in self._streams:
             guard.forgotten = self._forget
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # goes on when the wall clock is set back
@@ -117,23 +113,32 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
 
     def _pair(self, t: int, mine: dict, value: tuple, other: dict, which: int) -> None:
         """Keep a message until its partner, of stream ``which``, is there or overdue; answer."""
+        if t > self._last - self._patience:
+            self._silent[1 - which] = False
         if t <= self._last or self._is_early(t):
             return
         mine[t] = value
         if t in other:
             self._answer(t)
         else:
-            self._answer_alone(mine, t if self._gone[which] else t - self._patience, which)
+            self._answer_alone(mine, which, t)
 
-    def _answer_alone(self, waiting: dict, overdue: int, which: int) -> None:
-        """Answer what waits for stream ``which``, up to a stamp, once all of that is read."""
-        if self._pulling or not any(stamp <= overdue for stamp in waiting):
+    def _answer_alone(self, waiting: dict, which: int, now: int) -> None:
+        """Answer what waits for stream ``which`` if that is overdue once all of it is read."""
+        if self._pulling or not self._is_overdue(waiting, which, now):
             return
         self._pulling = True  # a node that was not run for a while finds both streams full
         self._streams[which].pull()
         self._pulling = False
-        for stamp in sorted(s for s in waiting if s <= overdue):
-            self._answer(stamp)
+        if self._is_overdue(waiting, which, now):  # answered late, no law is stable
+            self._silent[which] |= min(waiting) <= now - self._patience
+            for stamp in sorted(waiting):
+                self._answer(stamp)
+
+    def _is_overdue(self, waiting: dict, which: int, now: int) -> bool:
+        """Return whether anything that waits for stream ``which`` waits no longer."""
+        absent = self._gone[which] or self._silent[which]
+        return any(absent or stamp <= now - self._patience for stamp in waiting)
 
     def _is_early(self, t: int) -> bool:
         """Return whether a stamp is of no flight: somebody has a clock that has not begun."""
@@ -146,6 +151,7 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
             self._last, self.stage, self._told = -1, failsafe.FLYING, failsafe.FLYING
             self._estimates.clear()
             self._references.clear()
+            self._silent = [False, False]
             self.held = self._begin()
 
     def _look(self) -> None:
@@ -156,7 +162,7 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
             for topic in (topics.REFERENCE, self._estimate))
         for which, waiting in enumerate((self._estimates, self._references)):
             if self._gone[which] and waiting:
-                self._answer_alone(waiting, max(waiting), which)
+                self._answer_alone(waiting, which, max(waiting))
 
     def _answer(self, t: int) -> None:
         """Answer a stamp with what there is of it, and forget all up to it."""
@@ -172,7 +178,10 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
             for old in [stamp for stamp in store if stamp <= t]:
                 del store[old]
         self._pwm(messages.motor_pwm(t, c.pwm, c.shutdown, c.reason))
-        self._inner(encode_state(t, c))
+        self._inner(messages.controller_state(
+            t, c.position_error, c.velocity_error, c.integral, c.integral_rate, c.virtual_input,
+            c.attitude_desired, c.attitude_error, c.angular_velocity_error, c.thrust, c.torque,
+            c.motor_thrust, c.saturated))
         if t % _REPORT_EVERY == 0 or self.stage != self._told:
             self._report(t, c.thrust, reason, phase)
 
@@ -184,14 +193,6 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         self._diagnostics(diagnostics.report(
             t, self.get_name(), _LEVELS[self.stage], line,
             {'thrust [N]': thrust, 'phase': phase, 'stage': stage}))
-
-
-def encode_state(t: int, c: Command) -> bytes:
-    """Serialise ``ControllerState`` of one command."""
-    return messages.controller_state(
-        t, c.position_error, c.velocity_error, c.integral, c.integral_rate, c.virtual_input,
-        c.attitude_desired, c.attitude_error, c.angular_velocity_error, c.thrust, c.torque,
-        c.motor_thrust, c.saturated)
 
 
 def main(args=None) -> None:

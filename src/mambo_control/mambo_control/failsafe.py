@@ -27,8 +27,10 @@ STOPPED lasts until the controller is started again.
 Attitude, height and horizontal motion are taken from the estimate as long as it knows them. Height
 and horizontal motion are known while their published variances are within limits; an estimator
 that publishes no variances (zeros) is trusted. An estimate in flight that stays the same to
-the bit is old if it turns and moves, and if it turns at all while the reference goes ``AWAY``.
-After ``STUCK`` its prediction takes its place; after ``hold`` it is lost until it changes.
+the bit is old if it turns and moves, and if it turns at all while the reference goes ``AWAY``; so
+are position and velocity that stay the same, if it turns and they move, or the reference goes
+``FAR``. After ``STUCK`` the prediction takes the place of what is old; after ``hold`` it is lost.
+Position and velocity return to a blind descent when they have been new for ``hold``.
 
 **Descent.** From the initial position, velocity and yaw, the velocity blends to ``descent_speed``
 straight down within ``deceleration``, four times continuously differentiable, and the reference
@@ -88,7 +90,9 @@ TURNING = 1e-3  # rad/s, a body rate that no vehicle has on the floor, where sen
 #                 repeat the same, and an estimate may stand at some cm/s
 QUIET = 1e-6  # rad/s, which a gyro with noise exceeds at rest, too; one without reads 0 there,
 #               also under a vehicle that is too heavy to follow its reference
-AWAY = 0.02  # m that a reference moves while an estimate beyond QUIET stays the same (judgement)
+AWAY = 1e-4  # m that a reference moves while an estimate beyond QUIET stays the same (judgement)
+FAR = 0.3  # m, while its position and velocity do: those of one that rests on the floor do until
+#            the vehicle takes off, of 1.3 times the believed mass at 0.22 m at the latest
 SHOWN_TIME = 2.0  # s
 MOST_WRONG = (0.5, 1.5)  # mass shown over mass believed
 LEAST_THRUST = 0.1  # m/s^2 along the attitude of a reference that can be followed
@@ -184,6 +188,16 @@ class Shown(NamedTuple):
     pull: float  # m/s^2, gravity minus vertical acceleration
 
 
+class Watch(NamedTuple):
+    """How long an estimate in flight has stayed the same to the bit."""
+
+    state: State  # the last one
+    still: float  # s for which its position and velocity have
+    stuck: float  # s for which all of it has
+    asked: Vec3  # m, where the reference was when they last changed, inertial NED
+    new: float  # s since it was old
+
+
 class Memory(NamedTuple):
     """Memory of the failsafe from step to step."""
 
@@ -199,9 +213,7 @@ class Memory(NamedTuple):
     shown: Shown  # what the vehicle weighs
     descent: Descent  # the last one
     command: Command  # the last one
-    seen: State  # the last estimate
-    stuck: float  # s for which it has stayed the same in flight
-    asked: Vec3  # m, where the reference was when it last changed, inertial NED
+    watch: Watch  # whether the estimate is a new one
 
 
 class Known(NamedTuple):
@@ -223,7 +235,7 @@ def begin(gains: controllers.Gains) -> Memory:
     return Memory(
         control, FLYING, REASON_NONE, 0.0, 0.0, 0.0, _REST, _POINT, trajectory.GROUND,
         Shown(0.0, 0.0), Descent(_ZERO, _ZERO, 0.0, 0.0, 0.0),
-        controllers.stopped(control, REASON_NONE), _REST, 0.0, _ZERO)
+        controllers.stopped(control, REASON_NONE), Watch(_REST, 0.0, 0.0, _ZERO, math.inf))
 
 
 def describe(stage: int, reason: int) -> str:
@@ -395,7 +407,7 @@ def _stop(memory: Memory, reason: int) -> tuple[Memory, Command]:
     return Memory(
         memory.control, STOPPED, reason, memory.estimate_lost, memory.reference_lost,
         memory.crash, memory.state, memory.ref, memory.phase, memory.shown, memory.descent,
-        command, memory.seen, memory.stuck, memory.asked), command
+        command, memory.watch), command
 
 
 @jit
@@ -422,7 +434,7 @@ def _descend(
     return Memory(
         control, stage, reason, memory.estimate_lost, memory.reference_lost, crash, state,
         memory.ref, memory.phase, memory.shown, Descent(d.rho, d.v, d.yaw, d.time + dt, still),
-        command, memory.seen, memory.stuck, memory.asked), command
+        command, memory.watch), command
 
 
 @jit
@@ -430,7 +442,7 @@ def _with_control(m: Memory, control: controllers.Memory) -> Memory:
     """Return the memory with another one of the control law."""
     return Memory(
         control, m.stage, m.reason, m.estimate_lost, m.reference_lost, m.crash, m.state, m.ref,
-        m.phase, m.shown, m.descent, m.command, m.seen, m.stuck, m.asked)
+        m.phase, m.shown, m.descent, m.command, m.watch)
 
 
 @jit_inside
@@ -457,23 +469,27 @@ def _follow(
     command = _with_reason(command, reason)
     return Memory(
         control, stage, reason, memory.estimate_lost, memory.reference_lost, crash, state,
-        memory.ref, memory.phase, shown, memory.descent, command, memory.seen,
-        memory.stuck, memory.asked), command
+        memory.ref, memory.phase, shown, memory.descent, command, memory.watch), command
 
 
 @jit
-def _stays(memory: Memory, state: State) -> bool:
-    """Tell whether an estimate is the last one to the bit."""
-    a = memory.seen
-    return a.rho == state.rho and a.nu == state.nu and a.q == state.q and a.omega == state.omega
+def _watched(w: Watch, state: State, rho: Vec3, aloft: bool, dt: float) -> Watch:
+    """Return for how long an estimate has stayed the same; its reference is at rho now."""
+    still = aloft and w.state.rho == state.rho and w.state.nu == state.nu
+    stuck = still and w.state.q == state.q and w.state.omega == state.omega
+    return Watch(
+        state, w.still + dt if still else 0.0, w.stuck + dt if stuck else 0.0,
+        w.asked if still else rho, w.new)
 
 
 @jit
-def _old(state: State, stuck: float, away: float, dt: float) -> bool:
-    """Tell whether an estimate that stuck for some s is old; its reference has gone away m."""
-    rate = norm(state.omega)
-    return stuck > STUCK + 0.5 * dt and (
-        rate > TURNING and norm(state.nu) > STANDING or rate > QUIET and away > AWAY)
+def _old_for(w: Watch, rho: Vec3, dt: float) -> tuple[float, float]:
+    """Return for how long attitude, and position and velocity, have been old, s; 0: not."""
+    rate, away, limit = norm(w.state.omega), norm(sub(rho, w.asked)), STUCK + 0.5 * dt
+    moves = rate > TURNING and norm(w.state.nu) > STANDING
+    attitude = w.stuck if w.stuck > limit and (moves or rate > QUIET and away > AWAY) else 0.0
+    motion = w.still if w.still > limit and (moves or rate > QUIET and away > FAR) else 0.0
+    return attitude, max(attitude, motion)
 
 
 @jit_inside
@@ -530,16 +546,16 @@ def step(
         return _stop(memory, REASON_ALIGNMENT)
     aloft = trajectory.in_flight(phase) or memory.stage > HOLDING
     have = known(state, spread, aloft, p)
-    stays = aloft and _stays(memory, state)
-    stuck = memory.stuck + dt if stays else 0.0
-    asked = memory.asked if stays else ref.rho
     hold = p.hold + 0.5 * dt  # whole steps, whatever their sum is rounded to
     complete = have.attitude and have.vertical and have.horizontal
     estimate_lost = 0.0 if complete else memory.estimate_lost + dt
-    seen = state
-    if _old(state, stuck, norm(sub(ref.rho, asked)), dt):
-        have, complete = Known(False, False, False), False
-        estimate_lost = max(estimate_lost, stuck if stuck > hold else 0.0)
+    watch = _watched(memory.watch, state, ref.rho, aloft, dt)
+    old_attitude, old = _old_for(watch, ref.rho, dt)
+    watch = Watch(watch.state, watch.still, watch.stuck, watch.asked,
+                  0.0 if old > 0.0 else memory.watch.new + dt)
+    if old > 0.0 or memory.stage == DESCENDING_BLIND and watch.new <= hold:
+        have, complete = Known(have.attitude and old_attitude == 0.0, False, False), False
+        estimate_lost = max(estimate_lost, old if old > hold else 0.0)
     reference_lost = 0.0 if followed else memory.reference_lost + dt
     stage, reason = _next_stage(memory, have, estimate_lost, reference_lost, aloft, hold)
     if not complete:
@@ -548,8 +564,7 @@ def step(
         state = completed(state, have, predicted(memory, dt, vehicle))
     memory = Memory(
         memory.control, memory.stage, memory.reason, estimate_lost, reference_lost, memory.crash,
-        memory.state, ref, phase, memory.shown, memory.descent, memory.command, seen,
-        stuck, asked)
+        memory.state, ref, phase, memory.shown, memory.descent, memory.command, watch)
     if stage == STOPPED:
         return _stop(memory, reason)
     if stage == LANDING or stage == DESCENDING_BLIND:

@@ -118,15 +118,38 @@ def test_an_estimate_that_moves_and_stays_the_same_is_lost_until_it_changes():
     for _ in range(20):
         one.answer(moving)
         assert one.stage == DESCENDING_BLIND and one.memory.reason == safety.REASON_ESTIMATE
-    one.answer(hovering(1.4))
+    for k in range(HOLD + 1):  # not for a single new one
+        assert one.stage == DESCENDING_BLIND
+        one.answer(hovering(1.4 + 1e-6 * k))
     assert one.stage == LANDING
+
+
+def test_a_blind_descent_is_not_left_for_an_estimate_that_is_renewed_at_5_hz():
+    one = Controller()
+    for k in range(400):
+        moving = hovering(1.5 - 0.01 * (k // 40), v=(0.0, 0.0, 0.1))
+        one.answer(moving._replace(omega=(0.0, 0.002, 0.0)))
+        assert one.stage == (FLYING if k <= HOLD else DESCENDING_BLIND)
+
+
+@pytest.mark.parametrize('v', [(0.1, 0.0, 0.0), ZERO])
+def test_position_and_velocity_that_stay_the_same_are_lost_while_the_attitude_lives(v):
+    one, lost = Controller(), None
+    for k in range(150):
+        tilt = 0.001 * k
+        state = State((0.0, 0.0, 0.0), v, from_euler(tilt, 0.0, 0.0), (0.2, 0.0, 0.0))
+        one.answer(state, reference((0.0, 0.0, -0.004 * k)), phase=TAKEOFF)
+        if one.stage == DESCENDING_BLIND and lost is None:
+            lost = k
+            assert one.memory.state.q == state.q  # the attitude is that of the estimate
+    assert lost == (HOLD + 1 if any(v) else 76)  # at rest: once the reference is 0.3 m away
 
 
 @pytest.mark.parametrize('changed', [
     lambda k: {'omega': ZERO},  # on the floor, without noise
     lambda k: {'nu': ZERO},
     lambda k: {'rho': (0.0, 0.0, -1.5 - 1e-15 * k)},
-    lambda k: {'omega': (1e-9 * k, 0.002, 0.0)},
+    lambda k: {'omega': (1e-9 * k, 0.002, 0.0), 'nu': ZERO},
     lambda k: {'nu': (0.1 + 1e-9 * k, 0.0, 0.0)},  # its position is rounded
     lambda k: {'rho': (0.0, 0.0, -1.5 - 0.001 * (k // 20))}])  # at 10 Hz
 def test_an_estimate_that_rests_or_changes_is_followed(changed):

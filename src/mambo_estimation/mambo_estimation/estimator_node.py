@@ -24,11 +24,6 @@ _Counts = tuple[int, ...]
 _ZERO3, _ZERO36 = (0.0,) * 3, (0.0,) * 36
 
 
-def _check_truth(truth: tuple) -> str:
-    """Return the reason to refuse a decoded true state; empty if it is usable."""
-    return input_guard.finite(*truth[1])
-
-
 @jit
 def _step(held, dt, gyro, accel, sonar, flow, flow_quality, pressure):
     """Take the samples of one step; return the estimate."""
@@ -66,7 +61,8 @@ class EstimatorNode(node.MamboNode[EstimatorNodeParams]):
         self._estimate, self._tf = map(self.advertise, (topics.ESTIMATE, topics.TF))
         if p.estimator == 'ground_truth':
             self.accept(
-                topics.GROUND_TRUTH, messages.decode_odometry, self._on_truth, check=_check_truth)
+                topics.GROUND_TRUTH, messages.decode_odometry, self._on_truth,
+                check=input_guard.check_state)
             return
         self.compile(p)
         self.held = self._begin()

@@ -24,11 +24,6 @@ _QUEUE = 2000  # views that wait for their time
 _CAMERA = 5_000_000  # ns of the latency that is spent before the server has the images
 
 
-def _check(truth: tuple) -> str:
-    """Return the reason to refuse a decoded true state; empty if it is usable."""
-    return input_guard.finite(*truth[1])
-
-
 class NatNetServerNode(node.MamboNode[NatNetServerNodeParams]):
     """
     NatNet server of the simulated hall, for the clients of a real one.
@@ -59,7 +54,7 @@ class NatNetServerNode(node.MamboNode[NatNetServerNodeParams]):
         for number, name in enumerate(p.topics.values()):
             self.accept(
                 replace(topics.GROUND_TRUTH, name=name), messages.decode_odometry,
-                partial(self._on_truth, number), check=_check)
+                partial(self._on_truth, number), check=input_guard.check_state)
 
     def _on_truth(self, number: int, t: int, state: State) -> None:
         for at, states in self._steps.put(number, t, state):

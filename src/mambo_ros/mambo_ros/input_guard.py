@@ -50,6 +50,11 @@ def finite(*parts: tuple[float, ...]) -> str:
     return '' if math.isfinite(sum(chain.from_iterable(parts))) else NOT_FINITE
 
 
+def check_state(decoded: tuple) -> str:
+    """Return the reason to refuse (stamp, state, ...); empty if all its numbers are finite."""
+    return finite(*decoded[1])
+
+
 def check_pwm(command: tuple) -> str:
     """Return the reason to refuse a motor command; empty if it is usable, as any shutdown."""
     _, (a, b, c, d), shutdown = command

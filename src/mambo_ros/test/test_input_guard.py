@@ -123,6 +123,11 @@ def test_numbers_that_are_not_finite_are_refused_or_only_counted(value):
     assert strict.steps == [] and tolerant.steps == [0]
 
 
+def test_a_state_has_finite_numbers_only():
+    assert input_guard.check_state((5, ((1.0, 2.0), (3.0,)), math.nan)) == ''
+    assert input_guard.check_state((5, ((1.0, 2.0), (math.nan,)))) == input_guard.NOT_FINITE
+
+
 GOOD = messages.motor_pwm(0, STILL, False, 0)
 
 

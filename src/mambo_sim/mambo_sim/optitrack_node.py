@@ -32,11 +32,6 @@ def _begin(p: OptitrackNodeParams, t: int, state: State) -> Held:
     return hold((optitrack.START, t, state), rng, p.optitrack.values())
 
 
-def _check(truth: tuple) -> str:
-    """Return the reason to refuse a decoded true state; empty if it is usable."""
-    return input_guard.finite(*truth[1])
-
-
 class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
     """
     Mock motion capture.
@@ -60,7 +55,7 @@ class OptitrackNode(node.MamboNode[OptitrackNodeParams]):
         self._published = 0
         self._diagnostics = self.advertise(topics.DIAGNOSTICS)
         self.accept(topics.GROUND_TRUTH, messages.decode_odometry, self._on_truth,
-                    prompt=self.params.watermark, check=_check)
+                    prompt=self.params.watermark, check=input_guard.check_state)
 
     @staticmethod
     def compile(p: OptitrackNodeParams, view: NDArray[np.float64] | None = None) -> None:

@@ -110,8 +110,8 @@ def statuses(bag: Bag) -> Iterator[tuple[float, Any]]:
     own = f'{bag.namespace.strip("/")}/'
     for topic in REPORTS:
         try:
-            reports = list(bag[topic].objects()) if topic in bag else []
-        except BagError:  # ignore foreign diagnostics that cannot be read
+            reports = list(bag[topic].readable().objects()) if topic in bag else []
+        except BagError:  # of an unknown type
             continue
         for report in reports:
             t = report.header.stamp.sec + report.header.stamp.nanosec * 1e-9

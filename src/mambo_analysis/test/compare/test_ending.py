@@ -69,6 +69,19 @@ def test_warnings_and_other_nodes_end_nothing(tmp_path, name, level):
     assert ended_early(bag(tmp_path / 'bag', name, level)) == []
 
 
+def test_a_report_that_cannot_be_read_hides_no_other_one(tmp_path):
+    bag(tmp_path / 'bag', 'controller_node', diagnostics.ERROR)
+    source, damaged = read_bag(tmp_path / 'bag'), tmp_path / 'damaged'
+    writer = BagWriter(damaged)
+    writer.add_topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray')
+    writer.write('/diagnostics', bytes.fromhex(
+        '00010000000000000000000001000000ffffffff00000000'), 0)
+    for data in source['/diagnostics'].raw:
+        writer.write('/diagnostics', data, SECOND)
+    writer.close()
+    assert ended_early(read_bag(damaged)) == [f'controller_node at 1.000 s: {LINE}']
+
+
 def test_a_node_that_is_named_with_its_own_namespace_is_known(tmp_path):
     flight = bag(tmp_path / 'bag', 'mambo/controller_node', diagnostics.ERROR)
     assert ended_early(flight) == [f'controller_node at 1.000 s: {LINE}']

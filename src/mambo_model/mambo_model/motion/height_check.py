@@ -141,7 +141,7 @@ def landing_fault(
     turning: NDArray[np.bool_],
 ) -> str:
     """
-    Return how a vehicle hit the floor, or from where it fell after its landing, or ''.
+    Return how a vehicle hit the floor hardest, or from where it fell after its landing, or ''.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def landing_fault(
     fallen, dt = height[:-2] - height[1:-1], t[1:-1] - t[:-2]  # in the step before each contact
     contact = (height[2:] <= LIFTED) & (height[1:-1] > LIFTED) & (fallen > HARD * dt) & (dt > 0.0)
     if contact.any():
-        k = int(contact.argmax())
+        k = int(np.argmax(np.where(contact, fallen / np.where(dt > 0.0, dt, np.inf), 0.0)))
         return f'the vehicle hit the floor at {t[k + 2]:.2f} s with {fallen[k] / dt[k]:.1f} m/s'
     still = ~(python(in_flight)(phase) | turning)
     stops = np.flatnonzero(still[1:] & ~still[:-1]) + 1
