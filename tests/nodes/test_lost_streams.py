@@ -90,7 +90,21 @@ def test_while_references_are_missing_estimates_are_answered_at_once_until_one_c
     controller.estimate(25)  # the reference is back: it is waited for
     assert controller.stamps[-1] == 24
     controller.reference(25)
-    assert controller.stamps == [0, *range(1, 26)]
+    assert controller.stamps == [0, *range(21, 26)]
+
+
+@pytest.mark.parametrize('first', ['estimate', 'reference'])
+@pytest.mark.parametrize('late', [22, 38])
+def test_a_stream_that_stops_for_less_than_0_2_s_ends_no_flight(controller, first, late):
+    second = {'estimate': 'reference', 'reference': 'estimate'}[first]
+    controller.estimate(0)
+    controller.reference(0)
+    for k in range(1, 100):
+        getattr(controller, first)(k)
+        for stamp in (range(1, k + 1) if k == late else [k] if k > late else ()):
+            getattr(controller, second)(stamp)
+        assert controller.node.stage in (failsafe.FLYING, failsafe.HOLDING)
+    assert controller.node.stage == failsafe.FLYING and controller.stamps[-1] == 99
 
 
 @pytest.mark.parametrize('still', ['estimate', 'reference'])
@@ -99,7 +113,9 @@ def test_a_stream_that_is_ahead_by_the_patience_is_answered_alone(controller, st
     controller.reference(0)
     for k in range(1, 100):
         getattr(controller, still)(k)
-    assert controller.stamps == list(range(100))
+    # 0.1 s of patience are 20 steps: 79 is as old as that when 99 comes
+    assert controller.stamps == (
+        [0, *range(21, 100)] if still == 'estimate' else list(range(80)))
     assert controller.node.stage == (
         failsafe.LANDING if still == 'estimate' else failsafe.DESCENDING_BLIND)
     pwm, shutdown = messages.decode_motor_pwm(controller.answers[-1])[1:]
@@ -349,7 +365,7 @@ def test_a_reference_from_before_the_flight_is_forgotten_with_its_publisher(
         controller.hear(topics.CLOCK, messages.clock(300 * STEP))
     for k in range(100, 200):
         guard(messages.reference(k * STEP, POINT, trajectory.TRACK), b'a stranger')
-    assert controller.stamps == list(range(100, 200))  # nobody sends estimates
+    assert controller.stamps == list(range(100, 180))  # for these the patience is over
     assert controller.node.stage == failsafe.DESCENDING_BLIND
     assert not guard.is_deserted(0)
     controller.answers.clear()

@@ -48,8 +48,8 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
     ``/clock``, which bounds the stamps of the two; answers each pair of equal stamps with
     ``motor_pwm`` and ``controller/state``. Where one of a pair is missing and the other stream is
     ``patience`` ahead, or nobody publishes the missing stream any more, the other one is answered
-    without it, as :mod:`failsafe` says, and at once until the missing stream is heard again. A
-    shutdown stays until the node is started again.
+    without it, as :mod:`failsafe` says; after a missing reference the newest estimate, and later
+    ones at once until a reference comes. A shutdown stays until the node is started again.
     """
 
     publishes = (topics.MOTOR_PWM, topics.CONTROLLER_STATE, topics.DIAGNOSTICS)
@@ -65,7 +65,7 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         self._references: dict[int, tuple] = {}
         self._last = -1
         self._gone = (False, False)  # nobody publishes references, estimates any more
-        self._silent = [False, False]  # they were overdue, and none has come since
+        self._silent = False  # a reference was overdue, and none has come since
         self._told = failsafe.FLYING
         self.compile(p)
         self.held = self._begin()
@@ -109,12 +109,11 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         self._pair(t, self._estimates, (state, Spread(*variances)), self._references, 0)
 
     def _on_reference(self, t: int, reference: Reference, phase: int) -> None:
+        self._silent &= t <= self._last - self._patience
         self._pair(t, self._references, (reference, phase), self._estimates, 1)
 
     def _pair(self, t: int, mine: dict, value: tuple, other: dict, which: int) -> None:
         """Keep a message until its partner, of stream ``which``, is there or overdue; answer."""
-        if t > self._last - self._patience:
-            self._silent[1 - which] = False
         if t <= self._last or self._is_early(t):
             return
         mine[t] = value
@@ -125,20 +124,21 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
 
     def _answer_alone(self, waiting: dict, which: int, now: int) -> None:
         """Answer what waits for stream ``which`` if that is overdue once all of it is read."""
-        if self._pulling or not self._is_overdue(waiting, which, now):
+        if self._pulling or not self._overdue(waiting, which, now):
             return
         self._pulling = True  # a node that was not run for a while finds both streams full
         self._streams[which].pull()
         self._pulling = False
-        if self._is_overdue(waiting, which, now):  # answered late, no law is stable
-            self._silent[which] |= min(waiting) <= now - self._patience
-            for stamp in sorted(waiting):
-                self._answer(stamp)
+        due = self._overdue(waiting, which, now)
+        if due and which == 0 and not self._gone[0]:  # no law is stable if it answers so late
+            self._silent, due = True, [max(waiting)]
+        for stamp in due:
+            self._answer(stamp)
 
-    def _is_overdue(self, waiting: dict, which: int, now: int) -> bool:
-        """Return whether anything that waits for stream ``which`` waits no longer."""
-        absent = self._gone[which] or self._silent[which]
-        return any(absent or stamp <= now - self._patience for stamp in waiting)
+    def _overdue(self, waiting: dict, which: int, now: int) -> list[int]:
+        """Return the stamps that wait for stream ``which`` no longer, in order."""
+        absent = self._gone[which] or which == 0 and self._silent
+        return sorted(t for t in waiting if absent or t <= now - self._patience)
 
     def _is_early(self, t: int) -> bool:
         """Return whether a stamp is of no flight: somebody has a clock that has not begun."""
@@ -151,7 +151,7 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
             self._last, self.stage, self._told = -1, failsafe.FLYING, failsafe.FLYING
             self._estimates.clear()
             self._references.clear()
-            self._silent = [False, False]
+            self._silent = False
             self.held = self._begin()
 
     def _look(self) -> None:
