@@ -446,7 +446,7 @@ def test_an_existing_output_is_not_touched(tmp_path):
 @pytest.mark.parametrize('composed', [True, False])
 def test_a_bag_that_another_flight_began_meanwhile_is_not_touched(tmp_path, monkeypatch, composed):
     other = tmp_path / 'flight'
-    monkeypatch.setattr(runner, 'refuse_existing', lambda *_, **__: None)  # it was not there yet
+    monkeypatch.setattr(runner, 'refuse_bag', lambda _: None)  # it was not there yet
     with BagWriter(other) as writer:
         writer.add_topic('/mambo/motor_pwm', 'mambo_interfaces/msg/MotorPwm')
         for k in range(5):
