@@ -473,23 +473,25 @@ def _follow(
 
 
 @jit
-def _watched(w: Watch, state: State, rho: Vec3, aloft: bool, dt: float) -> Watch:
-    """Return for how long an estimate has stayed the same; its reference is at rho now."""
-    still = aloft and w.state.rho == state.rho and w.state.nu == state.nu
-    stuck = still and w.state.q == state.q and w.state.omega == state.omega
-    return Watch(
-        state, w.still + dt if still else 0.0, w.stuck + dt if stuck else 0.0,
-        w.asked if still else rho, w.new)
+def _watched(
+    w: Watch, state: State, rho: Vec3, aloft: bool, dt: float,
+) -> tuple[Watch, float, float]:
+    """
+    Return the watch after one more estimate, whose reference is at rho, and how old it is.
 
-
-@jit
-def _old_for(w: Watch, rho: Vec3, dt: float) -> tuple[float, float]:
-    """Return for how long attitude, and position and velocity, have been old, s; 0: not."""
-    rate, away, limit = norm(w.state.omega), norm(sub(rho, w.asked)), STUCK + 0.5 * dt
-    moves = rate > TURNING and norm(w.state.nu) > STANDING
-    attitude = w.stuck if w.stuck > limit and (moves or rate > QUIET and away > AWAY) else 0.0
-    motion = w.still if w.still > limit and (moves or rate > QUIET and away > FAR) else 0.0
-    return attitude, max(attitude, motion)
+    That is for how long attitude, and position and velocity, have been old, s; 0: they are not.
+    """
+    same = aloft and w.state.rho == state.rho and w.state.nu == state.nu
+    still = w.still + dt if same else 0.0
+    asked = w.asked if same else rho
+    same = same and w.state.q == state.q and w.state.omega == state.omega
+    stuck = w.stuck + dt if same else 0.0
+    rate, away, limit = norm(state.omega), norm(sub(rho, asked)), STUCK + 0.5 * dt
+    moves = rate > TURNING and norm(state.nu) > STANDING
+    attitude = stuck if stuck > limit and (moves or rate > QUIET and away > AWAY) else 0.0
+    motion = still if still > limit and (moves or rate > QUIET and away > FAR) else 0.0
+    old = max(attitude, motion)
+    return Watch(state, still, stuck, asked, 0.0 if old > 0.0 else w.new + dt), attitude, old
 
 
 @jit_inside
@@ -549,10 +551,7 @@ def step(
     hold = p.hold + 0.5 * dt  # whole steps, whatever their sum is rounded to
     complete = have.attitude and have.vertical and have.horizontal
     estimate_lost = 0.0 if complete else memory.estimate_lost + dt
-    watch = _watched(memory.watch, state, ref.rho, aloft, dt)
-    old_attitude, old = _old_for(watch, ref.rho, dt)
-    watch = Watch(watch.state, watch.still, watch.stuck, watch.asked,
-                  0.0 if old > 0.0 else memory.watch.new + dt)
+    watch, old_attitude, old = _watched(memory.watch, state, ref.rho, aloft, dt)
     if old > 0.0 or memory.stage == DESCENDING_BLIND and watch.new <= hold:
         have, complete = Known(have.attitude and old_attitude == 0.0, False, False), False
         estimate_lost = max(estimate_lost, old if old > hold else 0.0)

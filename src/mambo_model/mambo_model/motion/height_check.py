@@ -154,7 +154,8 @@ def landing_fault(
     fallen, dt = height[:-2] - height[1:-1], t[1:-1] - t[:-2]  # in the step before each contact
     contact = (height[2:] <= LIFTED) & (height[1:-1] > LIFTED) & (fallen > HARD * dt) & (dt > 0.0)
     if contact.any():
-        k = int(np.argmax(np.where(contact, fallen / np.where(dt > 0.0, dt, np.inf), 0.0)))
+        hits = np.flatnonzero(contact)
+        k = int(hits[np.argmax(fallen[hits] / dt[hits])])
         return f'the vehicle hit the floor at {t[k + 2]:.2f} s with {fallen[k] / dt[k]:.1f} m/s'
     still = ~(python(in_flight)(phase) | turning)
     stops = np.flatnonzero(still[1:] & ~still[:-1]) + 1

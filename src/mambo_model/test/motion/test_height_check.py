@@ -126,6 +126,16 @@ def test_a_vehicle_that_hits_the_floor_is_named(speed, told):
     assert not landing_fault(t, height[::-1], *rest)  # which leaves it
 
 
+@pytest.mark.parametrize('speeds', [(2.5, 4.0, 3.0), (4.0, 2.5, 3.0), (2.5, 3.0, 4.0)])
+def test_of_several_hits_of_the_floor_the_hardest_is_named(speeds):
+    dt, falls = 0.005, [np.clip(0.5 - v * np.arange(100) * 0.005, 0.0, 0.5) for v in speeds]
+    height = np.concatenate(falls)
+    t, first = np.arange(300) * dt, speeds.index(4.0) * 100
+    at = t[first + np.flatnonzero(height[first:] <= 0.01)[0]]
+    assert landing_fault(t, height, np.full(300, LANDING), np.ones(300, bool)) == (
+        f'the vehicle hit the floor at {at:.2f} s with 4.0 m/s')
+
+
 @pytest.mark.parametrize(('height', 'turning', 'said'), [
     (1.0, True, True), (0.83, True, True), (1.0, False, False), (0.0, True, False)])
 def test_a_flight_that_is_over_before_its_landing_is_named(height, turning, said):
