@@ -57,6 +57,22 @@ def test_a_flight_that_loses_something_comes_down_gently(
     assert lost.height[np.flatnonzero(lost.shutdown)[0]] < 0.02  # it is on the floor
 
 
+@pytest.mark.parametrize('at', [0.5, CLIMBING, CIRCLING, SINKING])
+def test_a_flight_whose_position_alone_freezes_comes_down(at):
+    last = NO_STATE
+
+    def freeze(t, phase, state, spread, ref):
+        nonlocal last
+        if t < at:
+            last = state
+        return state._replace(rho=last.rho), spread, ref
+    lost = fly(flight(estimator='joint'), freeze)
+    touched, _ = lost.touch_down(max(at, 2.0))
+    assert touched < 2.0  # 21 m/s from 24 m where nothing sees it
+    assert lost.height.max() < 2.2  # it goes on 0.3 m until it is seen, and brakes
+    assert lost.height[-1] <= 0.0 and lost.shutdown[-1]
+
+
 def test_the_whole_chain_lands_blind_with_what_its_own_estimate_left():
     lost = fly(flight(estimator='kalman'), lose('estimate', CIRCLING))
     touched, tilt = lost.touch_down(CIRCLING)

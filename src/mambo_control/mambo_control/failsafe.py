@@ -29,7 +29,8 @@ and horizontal motion are known while their published variances are within limit
 that publishes no variances (zeros) is trusted. An estimate in flight that stays the same to
 the bit is old if it turns and moves, and if it turns at all while the reference goes ``AWAY``; so
 are position and velocity that stay the same, if it turns and they move, or the reference goes
-``FAR``. After ``STUCK`` the prediction takes the place of what is old; after ``hold`` it is lost.
+``FAR``, and a position that does while its velocity adds up to ``FAR``. After ``STUCK`` the
+prediction takes the place of what is old; after ``hold`` it is lost.
 Position and velocity return to a blind descent when they have been new for ``hold``.
 
 **Descent.** From the initial position, velocity and yaw, the velocity blends to ``descent_speed``
@@ -192,9 +193,11 @@ class Watch(NamedTuple):
     """How long an estimate in flight has stayed the same to the bit."""
 
     state: State  # the last one
-    still: float  # s for which its position and velocity have
+    held: float  # s for which its position has
+    gone: Vec3  # m, what its velocity has added up to in that time, inertial NED
+    still: float  # s for which its velocity has, too
     stuck: float  # s for which all of it has
-    asked: Vec3  # m, where the reference was when they last changed, inertial NED
+    asked: Vec3  # m, where the reference was when position or velocity last changed, inertial NED
     new: float  # s since it was old
 
 
@@ -235,7 +238,8 @@ def begin(gains: controllers.Gains) -> Memory:
     return Memory(
         control, FLYING, REASON_NONE, 0.0, 0.0, 0.0, _REST, _POINT, trajectory.GROUND,
         Shown(0.0, 0.0), Descent(_ZERO, _ZERO, 0.0, 0.0, 0.0),
-        controllers.stopped(control, REASON_NONE), Watch(_REST, 0.0, 0.0, _ZERO, math.inf))
+        controllers.stopped(control, REASON_NONE),
+        Watch(_REST, 0.0, _ZERO, 0.0, 0.0, _ZERO, math.inf))
 
 
 def describe(stage: int, reason: int) -> str:
@@ -481,7 +485,10 @@ def _watched(
 
     That is for how long attitude, and position and velocity, have been old, s; 0: they are not.
     """
-    same = aloft and w.state.rho == state.rho and w.state.nu == state.nu
+    same = aloft and w.state.rho == state.rho
+    held = w.held + dt if same else 0.0
+    gone = add(w.gone, scale(dt, rotate(state.q, state.nu))) if same else _ZERO
+    same = same and w.state.nu == state.nu
     still = w.still + dt if same else 0.0
     asked = w.asked if same else rho
     same = same and w.state.q == state.q and w.state.omega == state.omega
@@ -490,8 +497,9 @@ def _watched(
     moves = rate > TURNING and norm(state.nu) > STANDING
     attitude = stuck if stuck > limit and (moves or rate > QUIET and away > AWAY) else 0.0
     motion = still if still > limit and (moves or rate > QUIET and away > FAR) else 0.0
-    old = max(attitude, motion)
-    return Watch(state, still, stuck, asked, 0.0 if old > 0.0 else w.new + dt), attitude, old
+    old = max(attitude, motion, 0.0 if norm(gone) <= FAR else held)
+    new = 0.0 if old > 0.0 else w.new + dt
+    return Watch(state, held, gone, still, stuck, asked, new), attitude, old
 
 
 @jit_inside

@@ -145,12 +145,24 @@ def test_position_and_velocity_that_stay_the_same_are_lost_while_the_attitude_li
     assert lost == (HOLD + 1 if any(v) else 76)  # at rest: once the reference is 0.3 m away
 
 
+def test_a_position_that_stays_the_same_while_its_velocity_leads_away_is_lost():
+    one, lost = Controller(), None
+    for k in range(200):
+        v = (0.0, 0.0, -0.4 - 1e-3 * (k % 2))
+        one.answer(hovering(v=v)._replace(omega=(0.0, 0.002, 0.0)))
+        if one.stage == DESCENDING_BLIND and lost is None:
+            lost = k
+    assert lost == math.ceil(failsafe.FAR / 0.4005 / DT)  # once it should be 0.3 m away
+
+
 @pytest.mark.parametrize('changed', [
-    lambda k: {'omega': ZERO},  # on the floor, without noise
+    lambda k: {'omega': ZERO, 'nu': (0.05, 0.0, 0.0)},  # on the floor, without noise
     lambda k: {'nu': ZERO},
     lambda k: {'rho': (0.0, 0.0, -1.5 - 1e-15 * k)},
     lambda k: {'omega': (1e-9 * k, 0.002, 0.0), 'nu': ZERO},
-    lambda k: {'nu': (0.1 + 1e-9 * k, 0.0, 0.0)},  # its position is rounded
+    lambda k: {  # its position is rounded
+        'nu': (0.1 + 1e-9 * k, 0.0, 0.0), 'rho': (0.05 * (k // 100), 0.0, -1.5)},
+    lambda k: {'nu': (0.1 * (-1) ** (k // 200), 0.0, 1e-9 * k)},  # to and fro, less than 0.3 m
     lambda k: {'rho': (0.0, 0.0, -1.5 - 0.001 * (k // 20))}])  # at 10 Hz
 def test_an_estimate_that_rests_or_changes_is_followed(changed):
     one, moving = Controller(), hovering(v=(0.1, 0.0, 0.0))._replace(omega=(0.0, 0.002, 0.0))
