@@ -131,15 +131,16 @@ def map_of(out: Path) -> Path:
 
 
 def summary(data: Mapping[str, Sequence[Any]]) -> str:
-    """Return the percentiles of a result as a table."""
-    lines = [f'{"":<18}{"5 %":>10}{"50 %":>10}{"95 %":>10}{"max":>10}']
+    """Return the percentiles of a result as a table, with the number of flights of each row."""
+    flights = len(data['flight'])
+    lines = [f'{"":<18}{"5 %":>10}{"50 %":>10}{"95 %":>10}{"max":>10}  of flights']
     for name in SHOWN:
         values = np.asarray(data[name], dtype=float)
         good = values[np.isfinite(values)]
         if len(good):
             shown = (*np.percentile(good, (5, 50, 95)), good.max())
-            lines.append(f'{name:<18}' + ''.join(f' {x:>9.3g}' for x in shown))
-    flights = len(data['flight'])
+            lines.append(f'{name:<18}' + ''.join(f' {x:>9.3g}' for x in shown)
+                         + f'  {len(good)} of {flights}')
     if grounded := int(np.isnan(np.asarray(data['estimation_rms'], dtype=float)).sum()):
         lines.append(f'{grounded} of {flights} flights never took off: no errors')
     lines.append(f'{sum(data["shutdown"])} of {flights} flights were shut down')

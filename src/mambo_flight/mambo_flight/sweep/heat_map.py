@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 import numpy as np
 
-from .plot import axis_label, measured, NO_UNITS, numbers
+from .plot import axis_label, measured, NO_UNITS, numbers, of_flights
 
 MOST_VALUES = 60  # of each parameter
 NUMBERED = 14  # cells along an edge at most that carry the number of their flight
@@ -113,7 +113,9 @@ def _map(axes: Any, found: Grid, values: np.ndarray, label: str, numbered: bool,
     for (column, row), members in found.cells.items():
         shown[row, column], flights[column, row] = typical(values, members)
     image = axes.imshow(shown, origin='lower', aspect='auto', cmap='cividis')
-    axes.figure.colorbar(image, ax=axes, label=label)
+    part = of_flights(values)
+    axes.figure.colorbar(
+        image, ax=axes, label=f'{label}\n{part} flights have a value' if part else label)
     finite = shown[np.isfinite(shown)]
     middle = 0.5 * (finite.min() + finite.max())
     for (column, row), number in flights.items() if numbered else ():

@@ -20,6 +20,7 @@ NO_UNITS: Mapping[str, str] = MappingProxyType({})
 BANDS = ((5, 95, 0.2), (25, 75, 0.35))
 MOST_GROUPS, MOST_PARAMETERS, MOST_BINS = 6, 4, 12
 FEW = 5  # flights of a bin, below which it has no percentiles
+MARGIN = 0.04  # of an axis, beside what was flown
 
 
 def percentiles(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -63,6 +64,36 @@ def axis_label(name: str, units: Mapping[str, str], parts: int = 3) -> str:
     """Return the label of a parameter's axis: parts of its name, and its unit if known."""
     short = '.'.join(name.split('.')[-parts:])
     return f'{short} [{units[name]}]' if units.get(name, '-') != '-' else short
+
+
+def of_flights(values: np.ndarray) -> str:
+    """Return of how many flights finite values are, as ``185 of 300``; '' if every one has one."""
+    count = int(np.isfinite(values).sum())
+    return '' if count == len(values) else f'{count} of {len(values)}'
+
+
+def _curves(axes: Any, values: np.ndarray, parts: Sequence[tuple[Any, np.ndarray]]) -> None:
+    """Draw the percentiles of each group of flights, and say of how many they are."""
+    for (value, members), style in zip(parts, palette.lines(str(v) for v, _ in parts)):
+        percent, sorted_values = percentiles(values[members])
+        part = of_flights(values[members])
+        axes.plot(percent, sorted_values, **style, label=palette.in_figure(
+            f'{value} ({part})' if part and len(parts) > 1 else str(value)))
+    whole = of_flights(values)
+    axes.set(xlabel=f'percentile\n{whole} flights have a value' if whole else 'percentile',
+             xlim=(0, 100))
+
+
+def _span(axes: Any, x: np.ndarray, y: np.ndarray, label: str) -> None:
+    """Let the axis of a parameter span what was flown; mark and count flights without a value."""
+    low, high = x.min(), x.max()
+    side = MARGIN * (high - low)
+    missing = x[~np.isfinite(y)]
+    if len(missing):
+        axes.plot(missing, np.full(len(missing), 0.03), '|', color=palette.INK, ms=6, mew=0.8,
+                  transform=axes.get_xaxis_transform())
+        label += f'\n| {len(missing)} of {len(x)} flights have no value'
+    axes.set(xlabel=label, xlim=(low - side, high + side))
 
 
 def _band(axes: Any, x: np.ndarray, y: np.ndarray) -> None:
@@ -113,21 +144,22 @@ def draw(path: Path, data: Mapping[str, Sequence[Any]], names: Sequence[str], ti
     grid = figure.subplots(rows, columns, squeeze=False)
     for column, (name, label) in enumerate(metrics.items()):
         values = np.asarray(data[name], dtype=float)
-        parts = groups(data[colour]) if colour else [('', slice(None))]
-        for (value, members), style in zip(parts, palette.lines(str(v) for v, _ in parts)):
-            percent, sorted_values = percentiles(values[members])
-            grid[0, column].plot(
-                percent, sorted_values, label=palette.in_figure(str(value)), **style)
-        grid[0, column].set(xlabel='percentile', ylabel=label, xlim=(0, 100))
+        parts = groups(data[colour]) if colour else [
+            ('', np.ones(len(values), dtype=bool))]
+        _curves(grid[0, column], values, parts)
         for row, parameter in enumerate(varied, 1):
-            _band(grid[row, column], np.asarray(data[parameter], dtype=float), values)
-            grid[row, column].set(xlabel=axis_label(parameter, units), ylabel=label)
+            x = np.asarray(data[parameter], dtype=float)
+            _band(grid[row, column], x, values)
+            _span(grid[row, column], x, values, axis_label(parameter, units))
+        for axes in grid[:, column]:
+            axes.set_ylabel(label)
     titles = [('.'.join(colour.split('.')[-2:]), grid[0, 0])] if colour else []
     for heading, axes in [*titles, *((None, axes) for axes in grid[1:, 0])]:
         if axes.get_legend_handles_labels()[0]:  # without finite values nothing is drawn
             axes.legend(title=heading, fontsize='small')
         axes.grid(alpha=0.3)
         axes.set_ylim(bottom=0.0)
-    figure.suptitle(palette.in_figure(title))
+    nothing = '' if metrics else f': none of {len(next(iter(data.values())))} flights has a value'
+    figure.suptitle(palette.in_figure(f'{title}{nothing}'))
     with replacing(path, PICTURE) as part:
         figure.savefig(part, format='png', dpi=110, metadata={'Software': None})

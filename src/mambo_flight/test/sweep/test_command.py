@@ -156,7 +156,8 @@ def test_a_summary_has_percentiles_of_what_is_finite_and_counts_shutdowns():
              'strayed': [True] * 3 + [False] * 100}
     lines = summary(data).splitlines()
     row = next(line for line in lines if line.startswith('tracking_rms'))
-    assert row.split()[1:] == ['5', '50', '95', '100']
+    assert row.split()[1:] == ['5', '50', '95', '100', '101', 'of', '103']
+    assert lines[0].split()[-2:] == ['of', 'flights']
     assert not any(line.startswith('pwm_max') for line in lines)  # nothing to tell
     assert lines[-5:] == ['1 of 103 flights never took off: no errors',
                           '3 of 103 flights were shut down',

@@ -77,6 +77,15 @@ def test_flights_without_numbers_are_drawn_without_a_warning(tmp_path, recwarn):
     assert (tmp_path / 'map.png').exists() and not recwarn.list
 
 
+def test_a_map_says_of_how_many_flights_it_is(tmp_path, figures_of):
+    figures, data = figures_of(heat_map), crossed()
+    data['tracking_rms'] = [np.nan] * 5 + data['tracking_rms'][5:]
+    heat_map.draw(tmp_path / 'map.png', data, NAMES, 'Some never took off')
+    labels = [axes.get_ylabel() for axes in figures[0].axes[4:]]  # of the colour bars
+    first, *others = plot.METRICS.values()
+    assert labels == [f'{first}\n13 of 18 flights have a value', *others]
+
+
 @pytest.mark.parametrize('value', [np.inf, np.nan])
 def test_an_error_without_a_finite_value_has_no_map_of_its_own(value, tmp_path):
     data, (first, *_) = crossed(), plot.METRICS

@@ -77,6 +77,41 @@ def test_vehicles_are_curves_of_the_percentiles(tmp_path, figure):
     assert first.get_legend().get_title().get_text() == 'vehicle'
 
 
+def test_a_picture_without_a_value_says_so(tmp_path, figure):
+    data = swept() | {name: [np.nan] * 60 for name in plot.METRICS}
+    plot.draw(tmp_path / 'a.png', data, ['vehicle'], 'None of them flew')
+    assert figure[0].get_suptitle() == 'None of them flew: none of 60 flights has a value'
+
+
+def test_percentiles_say_of_how_many_flights_they_are(tmp_path, figure):
+    data = swept()
+    data['tracking_rms'][::4] = [np.nan] * 15  # all of vehicle a
+    plot.draw(tmp_path / 'a.png', data, ['vehicle'], '')
+    partly, whole = figure[0].axes[:2]
+    assert partly.get_xlabel() == 'percentile\n45 of 60 flights have a value'
+    assert [line.get_label() for line in partly.lines] == ['a (15 of 30)', 'b']
+    assert whole.get_xlabel() == 'percentile'
+    assert [line.get_label() for line in whole.lines] == ['a', 'b']
+
+
+def test_the_axis_of_a_parameter_spans_what_was_flown_and_marks_flights_without_a_value(
+        tmp_path, figure):
+    data, name = swept(), 'sim_node.simulator.vehicle.mass'
+    mass = data[name]
+    data['tracking_rms'][40:] = [np.nan] * 20
+    plot.draw(tmp_path / 'a.png', data, [name], '', {name: 'kg'})
+    partly, whole = figure[0].axes[4:6]
+    for axes in (partly, whole):
+        low, high = axes.get_xlim()
+        assert low < 0.06 < 0.08 < high and high - low < 1.1 * 0.02
+    marks = partly.lines[-1]
+    assert marks.get_marker() == '|' and marks.get_xdata().tolist() == mass[40:]
+    assert partly.get_xlabel() == (
+        'simulator.vehicle.mass [kg]\n| 20 of 60 flights have no value')
+    assert whole.get_xlabel() == 'simulator.vehicle.mass [kg]'
+    assert all(line.get_marker() != '|' for line in whole.lines)
+
+
 def test_a_metric_that_is_nothing_has_no_column(tmp_path, figure):
     data = swept() | {'estimation_rms': [0.0] * 60, 'estimation_final': [np.nan] * 60}
     plot.draw(tmp_path / 'a.png', data, ['vehicle'], '')
