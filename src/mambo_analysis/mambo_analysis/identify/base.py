@@ -28,6 +28,7 @@ class Base(NamedTuple):
     notes: tuple[str, ...] = ()           # where it comes from, if that was not said
     simulated: bool = False               # whether the bag holds the scenario of its flight
     battery: bool = True                  # False: simulated without one, so nothing sagged
+    own: bool = False                     # whether it is the vehicle of the scenario itself
 
     def unless_sagged(self, doubt: str, values: str, remedy: str) -> list[str]:
         """
@@ -114,7 +115,7 @@ def choose(given: str | None, flight: Scenario | None) -> Base:
     note = f'the base is the vehicle of the scenario: {name}'
     return Base(vehicle, name, kept, (
         f'{note}, with another {_listed(differ)}' if differ else note,), simulated,
-        battery)
+        battery, own=True)
 
 
 def of_bag(given: str | None, path: Path, namespace: str | None) -> Base:

@@ -4,7 +4,9 @@ Vehicle parameters from one flight: drag, thrust and its lag, inertia, mounting,
 Reads a bag with IMU, motor commands and a motion capture (or truth), of any drone, and writes
 a vehicle file that can be flown. Parameters that the flight does not excite are named and keep the
 value of the base. An accelerometer cannot determine the mass: give ``--mass``, or keep the base.
-Moments of inertia hold for a lag of the motors: give ``--motor-lag``, or keep that of the base.
+Moments of inertia hold for a lag of the motors: give ``--motor-lag``, or keep that of the base. If
+the base has none, that of the flight is taken with its error, and if the flight shows none, there
+are no moments. A vehicle file has moments and the lag that they hold for.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from mambo_bags.cli.option_types import real
 from mambo_bags.command import Parser
@@ -29,7 +31,7 @@ from ..identify.regression import IdentifyError, LEVEL, Value
 from ..importers.checks.powertrain import LEAST_VOLTS
 from .contradictions import SCALE
 from .force import BLOCKS, fit_force, Found
-from .moments import fit_moments, Moment
+from .moments import fit_moments, Moment, REMEDY
 from .recorded import BATTERY_GAP, GRAVITY, read_flight, Recorded
 
 AXES = 'xyz'
@@ -129,11 +131,16 @@ def drag_parameters(found: Found, source: str) -> dict[str, tuple[Any, str]]:
             'vertical_drag_coefficient': upward}
 
 
-def _vehicle(
+def vehicle_parameters(
     found: Found, base: Vehicle, mass: float, hover: float, source: str,
-    moments: dict[str, Moment],
+    moments: dict[str, Moment], motors: Lag,
 ) -> dict[str, tuple[Any, str]]:
-    """Return the parameters of a vehicle file that the flight determines."""
+    """
+    Return the parameters of a vehicle file that the flight determines.
+
+    The lag is the one that was given, or that the moments of inertia hold for; else it is that of
+    the flight.
+    """
     model, known = found.model, found.shown
     out: dict[str, tuple[Any, str]] = {'mass': (mass, 'as given, or of the base')}
     shown = [None if axis not in moments else moments[axis].value for axis in AXES]
@@ -146,7 +153,11 @@ def _vehicle(
     out |= {'thrust_map': ('power', source), 'power_b': (exponent, source),
             'power_a': (mass * GRAVITY / 4.0 / hover ** exponent, source),
             'linear_gain': (hover / (mass * GRAVITY / 4.0), source)}
-    if 'motor lag' in known:
+    if motors.given or any(shown):
+        held = '; the inertia holds for it' if any(shown) else ''
+        out['motor_time_constant'] = (
+            motors.value, source if motors.ends else f'{motors.source}{held}')
+    elif 'motor lag' in known:
         out['motor_time_constant'] = (model.lag, source)
     return out | drag_parameters(found, source)
 
@@ -237,13 +248,52 @@ def reading_notes(flight: Recorded) -> list[str]:
     return lines
 
 
-def known_lag(given: float | None, base: Vehicle, found: Found) -> tuple[float, str]:
-    """Return the lag of the motors that moments of inertia are to hold for, s, and its source."""
+class Lag(NamedTuple):
+    """Lag of the motors that moments of inertia hold for."""
+
+    value: float                     # s
+    source: str                      # where it comes from
+    ends: tuple[float, ...] = ()     # s, of its interval; none if it is taken as known
+    given: bool = False              # whether by --motor-lag
+    shown: bool = True               # False: by nothing, so no moment can be found
+
+
+def known_lag(given: float | None, base: Base, found: Found) -> Lag:
+    """
+    Return the lag of the motors that moments of inertia are to hold for.
+
+    Parameters
+    ----------
+    given : s
+        None: that of the base, or, if it has none, of the flight. The vehicle of the scenario of a
+        simulated flight is known to have none then.
+    base, found
+        Of the flight.
+
+    """
     if given is not None:
-        return given, 'as given'
-    if base.motor_time_constant > 0.0:
-        return base.motor_time_constant, 'of the base'
-    return found.model.lag, 'of this flight'
+        return Lag(given, 'as given', given=True)
+    if base.own or base.vehicle.motor_time_constant > 0.0:
+        return Lag(base.vehicle.motor_time_constant, 'of the base')
+    one = found.values['motor lag']
+    return Lag(one.value, 'of this flight, with its error', (one.low, one.high),
+               shown='motor lag' in found.shown)
+
+
+def moments_of(
+    flight: Recorded, found: Found, vehicle: Vehicle, lag: Lag,
+) -> tuple[dict[str, Moment], list[str]]:
+    """Return the moments of inertia by axis, and a note on their lag, or why there are none."""
+    if not lag.shown:
+        return {}, ['not shown by this flight: inertia: it holds for a motor lag, which neither '
+                    f'the base has nor this flight shows: {REMEDY}']
+    moments = fit_moments(flight, found, vehicle, lag.value, lag.ends)
+    notes = [f'not shown by this flight: inertia {axis}: {one.hidden}'
+             for axis, one in moments.items() if one.hidden]
+    if any(one.value for one in moments.values()):
+        notes.append(f'inertia is for a motor lag of {lag.value:.3g} s, {lag.source}; a longer '
+                     'lag gives a smaller one')
+    return moments, notes
 
 
 def read(
@@ -288,22 +338,19 @@ def identify(
     path, base, mass, namespace
         As of :func:`read`, errors too.
     lag : s
-        Of the motors, for the moments of inertia. None: of the base.
+        Of the motors, for the moments of inertia. None: as :func:`known_lag` says.
 
     """
     flight, found, whole = read(path, base, mass, namespace)
     start = whole.vehicle
     hover = hover_command(found)
-    motors, whence = known_lag(lag, start, found)
-    moments = fit_moments(flight, found, start, motors)
-    hidden = [*found.hidden, *(
-        f'inertia {axis}: {one.hidden}' for axis, one in moments.items() if one.hidden)]
+    motors = known_lag(lag, whole, found)
+    moments, of_inertia = moments_of(flight, found, start, motors)
     values = found.shown
     values |= {f'inertia {axis}': one.value for axis, one in moments.items() if one.value}
     values |= {'hover command': hover, **_resting(flight)}
-    notes = [f'not shown by this flight: {line}' for line in hidden]
-    notes.append(f'inertia is for a motor lag of {motors:.3g} s, {whence}; a longer lag gives a '
-                 'smaller one')
+    notes = [f'not shown by this flight: {line}' for line in found.hidden]
+    notes += of_inertia
     if flight.rest.stop == flight.rest.start:
         notes.append('not shown by this flight: biases and noise: no second of rest, motors off, '
                      'before take-off')
@@ -325,8 +372,8 @@ def identify(
              'rms residual [m/s^2]': found.fit.rms}
     return based(result.Report(
         f'what {path.name} tells of its vehicle', values, facts, notes,
-        _vehicle(found, start, start.mass, hover.value, f'mambo identify flight, {path.name}',
-                 moments),
+        vehicle_parameters(found, start, start.mass, hover.value,
+                           f'mambo identify flight, {path.name}', moments, motors),
         result.drawn_force(found.t, found.measured, found.fit.residual), method=METHOD), whole)
 
 
@@ -339,7 +386,7 @@ def parser() -> Parser:
                      help='default: that of the base')
     out.add_argument('--motor-lag', type=real(0.0, 0.5, 's'), metavar='S',
                      help='of the motors, for the inertia (default: that of the base; if it has '
-                          'none, that of the flight)')
+                          'none, that of the flight, where it shows it)')
     out.add_argument('--namespace', help='of the drone, if the bag has several')
     return out
 

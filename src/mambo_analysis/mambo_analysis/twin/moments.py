@@ -18,12 +18,14 @@ errors of a one-step prediction in innovation form (Ljung, System Identification
 
 Errors of a prediction are nearly white, so the interval of g is that of
 :mod:`mambo_analysis.identify.regression`, with the error of the thrust map's slope in it. Above
-the motors' corner only g over their lag shows: the lag is taken as known. A longer one gives a
-smaller moment of inertia, at most in proportion.
+the motors' corner only g over their lag shows, so the fit needs the lag. A longer one gives a
+smaller moment of inertia, at most in proportion. Where the lag has an interval, the fit is
+repeated at both ends of it, and the differences widen the interval as an independent error.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from mambo_model.vehicle.parameters import Vehicle
@@ -48,6 +50,7 @@ START = (40.0, 0.0, 0.8, 0.95, 5.0)
 WIDEST = 0.25             # of the value, half of the interval: wider ones are refused
 SLOW = 1.0                # Hz, below which other torques than those of the motors prevail
 LEAST_SHARE = 0.25        # R^2 of the prediction above SLOW: below, the gyro shows its noise
+REMEDY = 'give --motor-lag S'
 
 
 class Moment(NamedTuple):
@@ -90,7 +93,7 @@ def arms(vehicle: Vehicle) -> tuple[float, float, float]:
 
 
 def fit_moments(
-    flight: Recorded, found: Found, vehicle: Vehicle, lag: float,
+    flight: Recorded, found: Found, vehicle: Vehicle, lag: float, ends: tuple[float, ...] = (),
 ) -> dict[str, Moment]:
     """
     Fit the moments of inertia to a flight.
@@ -105,6 +108,8 @@ def fit_moments(
         Its mass, arm and yaw ratio.
     lag : s
         Of the motors.
+    ends : s
+        Of the interval of the lag, low and high; none if the lag is known.
 
     Returns
     -------
@@ -112,16 +117,55 @@ def fit_moments(
         By axis, FLU.
 
     """
-    lagged = found.model._replace(lag=lag).motor_thrust(flight)[flight.air]
-    u, rate = lagged @ MIX.T, flight.gyro[flight.air]
-    # mean over the step that begins at a sample: of commands up to that sample, not after it
-    u, rate = 0.5 * (u[:-1] + u[1:]), rate[1:]
-    velocity = flight.body_velocity[flight.air][1:]
-    still = np.zeros(len(u))
-    slope = _slope_error(found)
-    return {axis: _moment(u[:, i], still if ACROSS[i] is None else velocity[:, ACROSS[i]],
-                          rate[:, i], arms(vehicle)[i] * vehicle.mass, slope)
-            for i, axis in enumerate(AXES)}
+    velocity, rate = flight.body_velocity[flight.air][1:], flight.gyro[flight.air][1:]
+    still, slope = np.zeros(len(rate)), _slope_error(found)
+
+    def of_lag(motors: float, blocks: int) -> list[Moment]:
+        """Return the moments about all axes for a lag in s."""
+        lagged = found.model._replace(lag=motors).motor_thrust(flight)[flight.air]
+        u = lagged @ MIX.T
+        # mean over the step that begins at a sample: of commands up to that sample, not after it
+        u = 0.5 * (u[:-1] + u[1:])
+        return [_moment(u[:, i], still if across is None else velocity[:, across], rate[:, i],
+                        arms(vehicle)[i] * vehicle.mass, slope, blocks)
+                for i, across in enumerate(ACROSS)]
+    moments = of_lag(lag, BLOCKS)
+    if ends and any(one.value for one in moments):
+        low, high = (of_lag(end, 0) for end in ends)
+        moments = [over_lags(one, ends, pair)
+                   for one, *pair in zip(moments, low, high, strict=True)]
+    return dict(zip(AXES, moments, strict=True))
+
+
+def over_lags(one: Moment, ends: Sequence[float], others: Sequence[Moment]) -> Moment:
+    """
+    Return a moment whose interval holds the error of the lag, or none if it is too wide then.
+
+    Parameters
+    ----------
+    one
+        For the lag itself.
+    ends : s
+        Of the interval of the lag.
+    others
+        For each of the ends; their intervals do not matter.
+
+    """
+    if one.value is None:
+        return one
+    for end, other in zip(ends, others, strict=True):
+        if other.value is None:
+            return one._replace(value=None, hidden=f'for a motor lag of {end:.3g} s, an end of '
+                                f'its interval: {other.hidden}; {REMEDY}')
+    middle, low, high = one.value[:3]
+    at_ends = [middle, *(other.value.value for other in others if other.value)]
+    low = middle - float(np.hypot(middle - low, middle - min(at_ends)))
+    high = middle + float(np.hypot(high - middle, max(at_ends) - middle))
+    if not high - low < 2.0 * WIDEST * middle:
+        return one._replace(value=None, hidden=(
+            f'{low:.3g} to {high:.3g} kg m^2, as this flight shows the motor lag only as '
+            f'{ends[0]:.3g} to {ends[1]:.3g} s; +-{100.0 * WIDEST:g} % are needed: {REMEDY}'))
+    return one._replace(value=one.value._replace(low=low, high=high))
 
 
 def _slope_error(found: Found) -> float:
@@ -140,12 +184,13 @@ def _share(rate: Floats, residual: Floats) -> float:
 
 
 def _moment(
-    u: Floats, v: Floats, rate: Floats, lever: float, slope: float,
+    u: Floats, v: Floats, rate: Floats, lever: float, slope: float, blocks: int,
 ) -> Moment:
     """
     Return the moment of inertia about one axis.
 
-    ``lever`` is l m in kg m, ``slope`` the relative half interval of the slope of the thrust map.
+    ``lever`` is l m in kg m, ``slope`` the relative half interval of the slope of the thrust map,
+    ``blocks`` as of :func:`.regression.fit`.
     """
     u, rate, swayed = u - u[0], rate - rate[0], bool(v.any())
     v = v - v[0]
@@ -157,7 +202,7 @@ def _moment(
         return predicted(whole, u, v, rate)[:, None]
     start, low, high, names = ([x[i] for i in free] for x in (START, LOW, HIGH, NAMES))
     try:
-        fit = regression.fit(model, rate[:, None], start, low, high, names, blocks=BLOCKS)
+        fit = regression.fit(model, rate[:, None], start, low, high, names, blocks=blocks)
     except IdentifyError as error:
         return Moment(None, 0.0, str(error))
     gain = fit.value(0, '1/m')

@@ -71,7 +71,7 @@ def test_without_a_scenario_the_default_is_named_and_a_given_base_is_not():
     assert choose(None, None).notes == (
         'no --base and no scenario in the bag: all else is as of identified, a Mambo',)
     found = choose('crazyflie', None)
-    assert found == (preset('crazyflie'), 'crazyflie', {}, (), False, True)
+    assert found == (preset('crazyflie'), 'crazyflie', {}, (), False, True, False)
 
 
 def test_a_report_gets_the_base_and_the_file_what_is_kept_of_it():
@@ -110,7 +110,7 @@ def test_commands_take_the_vehicle_of_the_bag(tmp_path, attach, capsys, monkeypa
     assert vehicle.mass == 0.031 and vehicle.arm == preset('crazyflie').arm
     assert identify_flight.main([str(path), '-o', str(tmp_path)]) == 0
     assert load(tmp_path / 'identify_flight.yaml').mass == 0.031
-    assert 'inertia is for a motor lag of 0.0647 s, of the base' in capsys.readouterr().out
+    assert 'scenario: crazyflie, with another mass' in capsys.readouterr().out
     assert motor.main([str(path), '--map', 'flight', '-o', str(tmp_path)]) == 0
     assert load(tmp_path / 'identify_motor.yaml').mass == 0.031
     assert 'no scenario' not in capsys.readouterr().out

@@ -5,12 +5,14 @@ import json
 
 from flown import bag, flight, SPIN, steered, STRAIGHT, table_of, TRUE
 from mambo_analysis.identify.base import choose
-from mambo_analysis.identify.regression import IdentifyError
+from mambo_analysis.identify.regression import IdentifyError, Value
 from mambo_analysis.twin.force import fit_force
 from mambo_analysis.twin.identify_flight import (
-    battery_notes, command_notes, drag_parameters, hover_command, known_lag, lag_notes, main,
-    reading_notes, voltage_notes)
+    battery_notes, command_notes, drag_parameters, hover_command, known_lag, Lag, lag_notes, main,
+    moments_of, reading_notes, vehicle_parameters, voltage_notes)
+from mambo_analysis.twin.moments import Moment
 from mambo_analysis.twin.recorded import GRAVITY
+from mambo_flight.scenario import scenario
 from mambo_model.vehicle.parameters import load, preset
 import numpy as np
 import pytest
@@ -99,7 +101,7 @@ def test_a_flight_that_turns_shows_its_inertia(tmp_path, capsys):
     assert moment['low'] < flie.arm * flie.mass / SPIN.gain[0] < moment['high']
     assert found['facts']['R^2 of the gyro x'] > 0.7
     vehicle = load(tmp_path / 'out' / 'identify_flight.yaml')
-    assert vehicle.inertia[0] == moment['value']
+    assert vehicle.inertia[0] == moment['value'] and vehicle.motor_time_constant == TRUE.lag
     out = capsys.readouterr().out
     assert 'inertia is for a motor lag of 0.05 s, as given' in out
 
@@ -211,11 +213,42 @@ def test_an_accelerometer_of_another_scale_is_told(bias, told):
 
 
 def test_the_lag_of_the_inertia_is_given_or_of_the_base_or_of_the_flight():
-    found, flie = fit_force(flight()), preset('crazyflie')
-    assert known_lag(0.03, flie, found) == (0.03, 'as given')
-    assert known_lag(None, flie, found) == (flie.motor_time_constant, 'of the base')
-    lag, whence = known_lag(None, preset('identified'), found)
-    assert lag == found.model.lag and whence == 'of this flight'
+    found, flie, mambo = fit_force(flight()), choose('crazyflie', None), choose('identified', None)
+    assert known_lag(0.03, flie, found) == Lag(0.03, 'as given', given=True)
+    of_base = flie.vehicle.motor_time_constant
+    assert known_lag(None, flie, found) == Lag(of_base, 'of the base')
+    assert known_lag(None, choose(None, scenario()), found) == Lag(0.0, 'of the base')
+    own, one = known_lag(None, mambo, found), found.values['motor lag']
+    assert own.shown and own.value == found.model.lag and own.ends == (one.low, one.high)
+    unseen = found._replace(hidden=['motor lag: the interval is wider'])
+    assert not known_lag(None, mambo, unseen).shown
+    assert known_lag(None, flie, unseen).shown and known_lag(0.03, mambo, unseen).shown
+
+
+def test_a_flight_that_does_not_show_the_lag_has_no_inertia_without_one():
+    one = flight()
+    found = fit_force(one, blocks=0)._replace(hidden=['motor lag: the interval is wider'])
+    lag = known_lag(None, choose('identified', None), found)
+    moments, (note,) = moments_of(one, found, preset('identified'), lag)
+    assert moments == {} and 'inertia: it holds for a motor lag' in note
+    assert 'give --motor-lag' in note
+
+
+@pytest.mark.parametrize(('lag', 'shown', 'written'), [
+    (Lag(0.03, 'as given', given=True), True, 0.03),
+    (Lag(0.03, 'as given', given=True), False, 0.03),
+    (Lag(0.06, 'of the base'), True, 0.06), (Lag(0.06, 'of the base'), False, None)])
+def test_a_vehicle_file_has_the_lag_that_its_inertia_is_for(lag, shown, written):
+    """Without inertia it has the lag of the flight, if that shows it (None here)."""
+    found, flie = fit_force(flight(), blocks=0), preset('crazyflie')
+    moment = Moment(Value(2e-5, 1.8e-5, 2.2e-5, 'kg m^2') if shown else None, 0.8, '')
+    out = vehicle_parameters(found, flie, 0.027, 4e4, 'here', {'x': moment}, lag)
+    assert ('inertia' in out) == shown
+    assert out['motor_time_constant'][0] == (written or found.model.lag)
+    assert ('the inertia holds for it' in out['motor_time_constant'][1]) == shown
+    hidden = found._replace(hidden=['motor lag: the interval is wider'])
+    out = vehicle_parameters(hidden, flie, 0.027, 4e4, 'here', {'x': moment}, lag)
+    assert out.get('motor_time_constant', (None,))[0] == written
 
 
 def test_a_drag_that_is_not_above_zero_is_none_of_the_vehicle():

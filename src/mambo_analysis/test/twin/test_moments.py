@@ -1,9 +1,10 @@
 """Moments of inertia are found in closed loop, and refused where a flight does not show them."""
 
 from flown import flight, SPIN, steered, TRUE
+from mambo_analysis.identify.regression import Value
 from mambo_analysis.twin import moments
 from mambo_analysis.twin.force import fit_force
-from mambo_analysis.twin.moments import arms, fit_moments, predicted
+from mambo_analysis.twin.moments import arms, fit_moments, Moment, over_lags, predicted
 from mambo_analysis.twin.recorded import STEP
 from mambo_model.vehicle.parameters import preset
 import numpy as np
@@ -57,6 +58,45 @@ def test_a_motor_lag_that_is_too_long_gives_a_smaller_moment():
     one = noisy(1)
     short, long = (found_in(one, lag)['x'].value.value for lag in (TRUE.lag, 2.0 * TRUE.lag))
     assert 0.5 < long / short < 0.95
+
+
+def moment(value, low, high):
+    return Moment(Value(value, low, high, 'kg m^2'), 0.8, '')
+
+
+def test_an_interval_holds_the_error_of_the_lag():
+    """3-4-5 below, 6-8-10 above; errors of the fits at the ends are not added."""
+    one = over_lags(moment(70.0, 67.0, 76.0), (0.03, 0.06), [
+        moment(78.0, 10.0, 200.0), moment(66.0, 10.0, 200.0)])
+    assert one.value == pytest.approx((70.0, 65.0, 80.0, 'kg m^2')) and not one.hidden
+    same = over_lags(moment(70.0, 67.0, 76.0), (0.03, 0.06), [moment(70.0, 67.0, 76.0)] * 2)
+    assert same.value == pytest.approx((70.0, 67.0, 76.0, 'kg m^2'))
+
+
+def test_a_moment_that_a_lag_of_the_flight_leaves_open_is_refused_with_the_remedy():
+    one = moment(70.0, 67.0, 76.0)
+    wide = over_lags(one, (0.01, 0.2), [moment(110.0, 0.0, 0.0), moment(25.0, 0.0, 0.0)])
+    assert wide.value is None and wide.share == 0.8
+    assert wide.hidden.startswith('24.9 to 110 kg m^2') and '--motor-lag' in wide.hidden
+    assert '0.01 to 0.2 s' in wide.hidden
+    lost = over_lags(one, (0.01, 0.2), [one, Moment(None, 0.1, 'nothing turns')])
+    assert lost.value is None and 'lag of 0.2 s' in lost.hidden
+    assert 'nothing turns; give --motor-lag' in lost.hidden
+    hidden = Moment(None, 0.1, 'nothing turns')
+    assert over_lags(hidden, (0.01, 0.2), [one, one]) == hidden
+
+
+@pytest.mark.long
+def test_the_error_of_the_lag_is_in_the_interval_of_a_flight():
+    one = noisy(0)
+    found, ends = fit_force(one), (0.04, 0.06)
+    known, at_low, at_high, open_ = (fit_moments(one, found, MAMBO, *lag)['x'].value for lag in (
+        (TRUE.lag,), ends[:1], ends[1:], (TRUE.lag, ends)))
+    assert open_.value == known.value and at_high.value < known.value < at_low.value
+    assert open_.high - known.value == pytest.approx(
+        np.hypot(known.high - known.value, at_low.value - known.value), rel=1e-2)
+    assert known.value - open_.low == pytest.approx(
+        np.hypot(known.value - known.low, known.value - at_high.value), rel=1e-2)
 
 
 @pytest.mark.long
