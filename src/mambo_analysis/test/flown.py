@@ -140,3 +140,21 @@ def steered(seed=0, seconds=12.0, torque=SPIN, model=TRUE, shake=0.0):
         each / model.thrust) ** (1.0 / model.exponent)
     return Recorded(f'steered {seed}', np.arange(n) * STEP, position, velocity, attitude, force,
                     gyro, command, voltage, slice(0, n), slice(0, 0), np.zeros(3))
+
+
+def answered(seed=0, seconds=20.0):
+    """
+    Return a flight that a controller and gusts turn, with a gyro that has noise.
+
+    A wanted acceleration that changes in every step is followed through a lag of 50 ms.
+    """
+    rng = np.random.default_rng(seed)
+    rate, lagged, rows = np.zeros(3), np.zeros(3), []
+    for _ in range(round(seconds / STEP)):
+        gyro = rate + rng.normal(0.0, 0.01, 3)
+        wanted = rng.normal(0.0, 5.0, 3) - 8.0 * gyro
+        rows.append((gyro, wanted))
+        lagged = lagged + 0.2 * (wanted - lagged)
+        rate = rate + STEP * (lagged + rng.normal(0.0, 5.0, 3))
+    gyro, wanted = (np.array(x) for x in zip(*rows))
+    return flight(seconds=seconds)._replace(gyro=gyro, command=4e4 + 100.0 * wanted @ MIX)

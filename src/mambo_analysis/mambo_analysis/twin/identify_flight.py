@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from . import command_delay
 from ..identify import result
 from ..identify.base import Base, based, of_bag
 from ..identify.regression import IdentifyError, LEVEL, Value
@@ -236,6 +237,7 @@ def reading_notes(flight: Recorded) -> list[str]:
         lines.append(f'{flight.name}: the axes of the tracked body are turned by '
                      f'{np.degrees(flight.askew):.0f} deg about z against those of the gyro: '
                      'check how its rigid body was made, as drag and inertia have its error')
+    lines += command_delay.command_notes(flight)
     lines += battery_notes(flight.name, flight.voltage[flight.air], flight.battery_pace)
     if not flight.has_ground:
         lines.append(f'{flight.name}: it begins and ends in the air: all of it is taken as '

@@ -115,6 +115,8 @@ class Recorded(NamedTuple):
         Time in the air outside of ``air``, s: in other stretches, long enough to be a flight.
     battery_pace
         Time between new readings of the battery, s; NaN if it has none or one.
+    pace
+        Usual time between samples of the IMU or the motor commands, the longer one, s.
 
     """
 
@@ -139,6 +141,7 @@ class Recorded(NamedTuple):
     battery_pace: float = np.nan
     gain: Floats = np.ones((3, 2))
     askew: float = 0.0
+    pace: float = np.nan
 
     @property
     def turn(self) -> Rotation:
@@ -283,6 +286,11 @@ def battery_pace(bag: Bag) -> float:
     t, volts = battery.t[known], battery.voltage[known]
     new = t[np.flatnonzero(np.diff(volts, prepend=np.nan) != 0.0)]
     return float(np.median(np.diff(new))) if len(new) > 1 else np.nan
+
+
+def _pace(bag: Bag) -> float:
+    """Return the median time between samples of IMU or motor commands, the longer one, s."""
+    return max(float(np.median(np.diff(bag[topic].t))) for topic in ('imu/data_raw', 'motor_pwm'))
 
 
 def _has_ground(found: dict[str, Floats], known: NDArray[np.bool_]) -> bool:
@@ -439,4 +447,4 @@ def read_flight(path: Path, namespace: str | None = None) -> Recorded:
     return Recorded(path.name, **found, **rows._asdict(), mounting=mounting,
                     has_flow='optical_flow' in bag, onboard=_onboard(bag, found['t']), bias=bias,
                     gain=gain, askew=askew, late=late if abs(late) > LATE else 0.0,
-                    battery_pace=battery_pace(bag))
+                    battery_pace=battery_pace(bag), pace=_pace(bag))

@@ -3,7 +3,7 @@
 from dataclasses import replace
 import json
 
-from flown import bag, flight, SPIN, steered, STRAIGHT, table_of, TRUE
+from flown import answered, bag, flight, SPIN, steered, STRAIGHT, table_of, TRUE
 from mambo_analysis.identify.base import choose
 from mambo_analysis.identify.regression import IdentifyError, Value
 from mambo_analysis.twin.force import fit_force
@@ -166,6 +166,14 @@ def test_a_thrust_without_the_lag_of_the_base_is_told():
     line, = lag_notes('late', 0.0004, crazyflie)
     assert 'late: the thrust follows its command at once, that of the base is 0.0647 s' in line
     assert not lag_notes('right', 0.021, crazyflie) and not lag_notes('model', 0.0, mambo)
+
+
+def test_commands_that_are_stamped_late_against_the_gyro_are_told():
+    one = answered()
+    late = one._replace(command=np.roll(one.command, 5, axis=0))
+    assert not any('stamps' in line for line in reading_notes(one))
+    assert any('the stamps of motor_pwm are about 0.05 s late' in line
+               for line in reading_notes(late))
 
 
 def test_a_battery_that_never_changes_is_told():

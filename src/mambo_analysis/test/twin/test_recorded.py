@@ -307,3 +307,7 @@ def test_one_axis_of_a_real_capture_in_another_scale_shows(tmp_path, column, axi
         assert low <= most and high >= least
     least, most = contradictions.SCALE[axis]
     assert changed[axis, 0] > most or changed[axis, 1] < least
+
+
+def test_the_usual_time_between_samples_is_that_of_the_slower_topic(tmp_path):
+    assert read_flight(bag(tmp_path, seconds=6.0)).pace == pytest.approx(0.01)
