@@ -23,11 +23,13 @@ from mambo_model.vehicle.parameters import find
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize, stats
+from scipy import stats
 
 from . import columns, from_flight, regression, result
 from .regression import IdentifyError, LEVEL, Value
-from .thrust_terms import described, LEAST_REPEATED, one_way, systematic, weighted
+from .thrust_terms import (
+    described, Drift, LEAST_REPEATED, one_way, repeated_drift, repeated_errors, scatter,
+    systematic, weighted)
 
 Floats = NDArray[np.float64]
 
@@ -40,9 +42,6 @@ LIKE = (0.4, 2.5)  # thrust over that of the base at the largest command; 0.8 on
 MISSED = 0.02  # [-] RMS of mean thrusts, that is told of readings that repeat to the last digit
 LEAST_MISSED = 1e-4  # [-] of others: no scale is linear to 0.01 %
 SURE = 1e-3  # of the F test of lack of fit
-LEAST_SCATTER = LEAST_REPEATED  # readings that tell whether their error grows
-CLEARLY = 4.0  # of the log-likelihood, for an error that does not; by chance in 0.2 %
-PRECISE = {'maxiter': 4000, 'maxfev': 4000, 'xatol': 1e-7, 'fatol': 1e-7}
 USUAL = (1.0, 2.5)  # exponent of the map of a rotor: 1.47 in the thesis
 THESIS = (4.29e-5, 1.47)  # a [N] and b of (4.5), sec. 4.4.2
 
@@ -59,6 +58,7 @@ class Thrust(NamedTuple):
     used: NDArray[np.bool_]  # (n,)
     scale_error: float = 0.0  # N, standard deviation whatever the thrust; 0: none is clear
     share_error: float = 1.0  # 1, besides, of the thrust; of no concern without a scale error
+    drift: Drift | None = None  # of the thrust from the first reading to the last; None: not clear
 
     @property
     def better(self) -> str:
@@ -130,8 +130,9 @@ def _fit(X: Floats, T: Floats, used: NDArray[np.bool_]) -> Thrust:
     (log_a, b), *_ = np.linalg.lstsq(A, np.log(T))
     rest = np.log(T) - A @ (log_a, b)
     covariance = float(rest @ rest) / (len(X) - 2) * np.linalg.inv(A.T @ A)
-    errors = _repeated(X, T) or ()
-    if errors:
+    drift = repeated_drift(X, T)
+    errors = repeated_errors(X, drift.removed(T) if drift else T) or (0.0, 1.0)
+    if errors[0]:
         (log_a, b), covariance, _ = weighted(A, T, np.array([log_a, b]), *errors)
     sd = np.sqrt(np.diag(covariance)) * stats.t.ppf(0.5 + 0.5 * LEVEL, len(X) - 2)
     return Thrust(
@@ -140,58 +141,7 @@ def _fit(X: Floats, T: Floats, used: NDArray[np.bool_]) -> Thrust:
         Value(float(b), float(b - sd[1]), float(b + sd[1]), '1'),
         float(covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])),
         float(np.sqrt(np.mean(np.log(T * gain / X) ** 2))),
-        float(np.sqrt(np.mean(rest ** 2))), used, *errors)
-
-
-def _scatter(rest: Floats, T: Floats, share: Floats) -> tuple[float, float] | None:
-    """
-    Return the errors of readings, if one of them clearly does not grow with the thrust.
-
-    Deviations are normal with the variance ``s_1^2 + (s_0 / T)^2``; the likelihood is compared
-    with that of ``s_0 = 0``.
-
-    Parameters
-    ----------
-    rest : (n,)
-        Deviations over the thrust.
-    T : (n,) N
-    share : (n,)
-        Degrees of freedom that each counts for.
-
-    Returns
-    -------
-    s_0 : N
-    s_1 : 1
-
-    """
-    usual = float(share @ rest ** 2 / share.sum())
-    if not usual > 0.0:
-        return None
-
-    def surprise(theta: Floats) -> float:
-        """Return minus the logarithm of the likelihood of log s_0 and log s_1."""
-        variance = np.exp(2.0 * theta[1]) + np.exp(2.0 * theta[0]) / T ** 2
-        return float(0.5 * share @ (np.log(variance) + rest ** 2 / variance))
-    alone = 0.5 * share.sum() * (np.log(usual) + 1.0)
-    top = 0.5 * np.log(usual)
-    found = min((optimize.minimize(surprise, (top + np.log(part * one), top + np.log(1.1 - part)),
-                                   method='Nelder-Mead', options=PRECISE)
-                 for part in (0.1, 0.5, 1.0) for one in (T.min(), np.median(T))),
-                key=lambda one: one.fun)
-    if not alone - found.fun > CLEARLY:
-        return None
-    return float(np.exp(found.x[0])), float(np.exp(found.x[1]))
-
-
-def _repeated(X: Floats, T: Floats) -> tuple[float, float] | None:
-    """Return :func:`_scatter` of readings about the mean at their command; None: too few."""
-    _, level, counts = np.unique(X, return_inverse=True, return_counts=True)
-    if len(X) - len(counts) < LEAST_SCATTER:
-        return None
-    mean, share = (np.bincount(level, T) / counts)[level], 1.0 - 1.0 / counts[level]
-    again = share > 0.0
-    return _scatter((T[again] / mean[again] - 1.0) / np.sqrt(share[again]), mean[again],
-                    share[again])
+        float(np.sqrt(np.mean(rest ** 2))), used, *errors, drift)
 
 
 def weighed(found: Thrust) -> str:
@@ -206,8 +156,8 @@ def weighed(found: Thrust) -> str:
 def uneven(X: Floats, T: Floats, found: Thrust) -> str:
     """Return in words that a fit on logarithms misses small thrusts; empty: it does not."""
     rest = np.log(T) - np.log(found.a.value) - found.b.value * np.log(X)
-    if found.scale_error or len(X) < LEAST_SCATTER or (
-            errors := _scatter(rest, T, np.ones(len(X)))) is None:
+    if found.scale_error or len(X) < LEAST_REPEATED or (
+            errors := scatter(rest, T, np.ones(len(X)))) is None:
         return ''
     return (f'a X^b misses small thrusts by a larger share, as with a scale that errs by '
             f'{errors[0]:.2g} N or has a wrong zero: the intervals do not hold; take several '
@@ -216,11 +166,11 @@ def uneven(X: Floats, T: Floats, found: Thrust) -> str:
 
 def unrepeated(X: Floats, found: Thrust) -> str:
     """Return in words that too few readings are repeated to show how they err; empty: enough."""
-    if found.scale_error or (again := len(X) - len(np.unique(X))) >= LEAST_SCATTER:
+    if found.scale_error or (again := len(X) - len(np.unique(X))) >= LEAST_REPEATED:
         return ''
     return (f'{again or "no"} reading{"s repeat" if again != 1 else " repeats"} a command: the '
             'intervals hold if readings err by a share of the thrust; with a scale that errs by '
-            f'the same whatever the thrust they are too narrow, which {LEAST_SCATTER} repeated '
+            f'the same whatever the thrust they are too narrow, which {LEAST_REPEATED} repeated '
             'readings would show')
 
 
@@ -311,12 +261,38 @@ def _changed(found: Thrust, source: str) -> dict[str, tuple[Any, str]]:
         'power_b': (found.b.value, f'{source}, 95 %: {found.b.low:.4g} to {found.b.high:.4g}')}
 
 
+def drifting(found: Thrust, steady: Thrust) -> str:
+    """
+    Return in words that repeated readings show a drift; empty: they do not.
+
+    Parameters
+    ----------
+    found
+        Of the readings.
+    steady
+        Of the readings without the drift.
+
+    """
+    if found.drift is None:
+        return ''
+    share = 100.0 * np.expm1([found.drift.rate, *found.drift.interval])
+    return (f'readings at the same command show a thrust that drifts by {share[0]:+.2g} % '
+            f'({share[1]:+.2g} to {share[2]:+.2g} %) from the first reading to the last: the '
+            'intervals hold only without it; as at the first reading, the linear gain is '
+            f'{steady.gain.value:.5g} PWM/N and b = {steady.b.value:.4g}, {steady.b.low:.4g} to '
+            f'{steady.b.high:.4g}; measure at a steady supply')
+
+
 def _doubts(X: Floats, T: Floats, found: Thrust, step: float) -> list[str]:
     """Return in words what speaks against the intervals; empty where nothing does."""
+    coarsely, drifted = coarse(T, step), found
+    if drifted.drift:
+        T = drifted.drift.removed(T)
+        found = _fit(X, T, np.ones(len(X), bool))
     terms = systematic(X, T, np.array([np.log(found.a.value), found.b.value]),
                        found.scale_error, found.share_error)
-    return [uneven(X, T, found) or unrepeated(X, found), misfit(X, T, found),
-            described(terms) or one_way(X, found.b.half), coarse(T, step)]
+    return [drifting(drifted, found), uneven(X, T, found) or unrepeated(X, found),
+            misfit(X, T, found), described(terms) or one_way(X, found.b.half), coarsely]
 
 
 def _report(

@@ -10,6 +10,10 @@ with a zero z of the scale, and a thrust that drifts by the share :math:`e^c - 1
 first reading and the last, as with a battery that sags. Both are fitted to the means at each
 command, as many as there are commands: what a rotor does beside a power law counts as scatter
 then.
+
+Where commands come back after other ones, as in sweeps up and down, the readings at one command
+show a drift by themselves, whatever the law (:func:`repeated_drift`). It does not count as their
+scatter.
 """
 
 from __future__ import annotations
@@ -18,18 +22,21 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import optimize, stats
 
 from .regression import LEVEL, Value
 
 Floats = NDArray[np.float64]
 
 ROUNDS = 20   # of a weighted fit
+TURNS = 3     # of a drift and the errors beside it; a fourth moved none by 1 % of its interval
 SURE = 1e-3   # of the t test of a term
 APART = 1e-3  # of the time of all readings: below, the means at the commands are at one time
 LARGEST_DRIFT = 0.05  # [-] of the thrust over a bench, that an interval must bear without a note:
                       # a cell of lithium loses 17 % of it from 4.2 to 3.7 V, as (4.5) has b = 1.5
 LEAST_REPEATED = 12  # readings, beyond one at each command: their errors are known then
+CLEARLY = 4.0  # of the log-likelihood, for an error that does not grow; by chance in 0.2 %
+PRECISE = {'maxiter': 4000, 'maxfev': 4000, 'xatol': 1e-7, 'fatol': 1e-7}
 
 
 class Term(NamedTuple):
@@ -40,6 +47,113 @@ class Term(NamedTuple):
     cure: str        # what to do
     b: Value         # the exponent with it
     variance: float  # of the deviations of the means that are left, over their errors
+
+
+class Drift(NamedTuple):
+    """A drift of the thrust: from the first reading to the last it changes by exp(rate)."""
+
+    rate: float
+    half: float  # half width of its interval
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Return the ends of the interval of the rate."""
+        return self.rate - self.half, self.rate + self.half
+
+    def removed(self, T: Floats) -> Floats:
+        """Return thrusts, (n,) N, in the order of the readings, as at the first of them."""
+        return T * np.exp(-self.rate * np.linspace(0.0, 1.0, len(T)))
+
+
+def scatter(rest: Floats, T: Floats, share: Floats) -> tuple[float, float] | None:
+    """
+    Return the errors of readings, if one of them clearly does not grow with the thrust.
+
+    Deviations are normal with the variance ``s_1^2 + (s_0 / T)^2``; the likelihood is compared
+    with that of ``s_0 = 0``.
+
+    Parameters
+    ----------
+    rest : (n,)
+        Deviations over the thrust.
+    T : (n,) N
+    share : (n,)
+        Degrees of freedom that each counts for.
+
+    Returns
+    -------
+    s_0 : N
+    s_1 : 1
+
+    """
+    usual = float(share @ rest ** 2 / share.sum())
+    if not usual > 0.0:
+        return None
+
+    def surprise(theta: Floats) -> float:
+        """Return minus the logarithm of the likelihood of log s_0 and log s_1."""
+        variance = np.exp(2.0 * theta[1]) + np.exp(2.0 * theta[0]) / T ** 2
+        return float(0.5 * share @ (np.log(variance) + rest ** 2 / variance))
+    alone = 0.5 * share.sum() * (np.log(usual) + 1.0)
+    top = 0.5 * np.log(usual)
+    found = min((optimize.minimize(surprise, (top + np.log(part * one), top + np.log(1.1 - part)),
+                                   method='Nelder-Mead', options=PRECISE)
+                 for part in (0.1, 0.5, 1.0) for one in (T.min(), np.median(T))),
+                key=lambda one: one.fun)
+    if not alone - found.fun > CLEARLY:
+        return None
+    return float(np.exp(found.x[0])), float(np.exp(found.x[1]))
+
+
+def repeated_errors(X: Floats, T: Floats) -> tuple[float, float] | None:
+    """Return :func:`scatter` of readings about the mean at their command; None: too few."""
+    _, level, counts = np.unique(X, return_inverse=True, return_counts=True)
+    if len(X) - len(counts) < LEAST_REPEATED:
+        return None
+    mean, share = (np.bincount(level, T) / counts)[level], 1.0 - 1.0 / counts[level]
+    again = share > 0.0
+    return scatter((T[again] / mean[again] - 1.0) / np.sqrt(share[again]), mean[again],
+                    share[again])
+
+
+def _comes_back(X: Floats) -> bool:
+    """Return whether a command is measured again after another one."""
+    return bool(np.count_nonzero(np.diff(X)) >= len(np.unique(X)))
+
+
+def repeated_drift(X: Floats, T: Floats) -> Drift | None:
+    """
+    Return the drift that readings at the same command show; None: none is clear.
+
+    A t test of the slope of thrust over its mean at the command, beside the time. The weights are
+    by the errors of readings without the drift, so both are found in turns.
+
+    Parameters
+    ----------
+    X, T : (n,), (n,) N
+        Readings, in the order in which they were taken, at even times.
+
+    """
+    _, level, counts = np.unique(X, return_inverse=True, return_counts=True)
+    freedom = len(X) - len(counts) - 1
+    if freedom < LEAST_REPEATED - 1 or not _comes_back(X):
+        return None
+    time = np.linspace(0.0, 1.0, len(X))
+    beside = time - (np.bincount(level, time) / counts)[level]
+    found = Drift(0.0, 0.0)
+    for _ in range(TURNS):
+        steady = found.removed(T)
+        mean = (np.bincount(level, steady) / counts)[level]
+        s_0, s_1 = repeated_errors(X, steady) or (0.0, 1.0)
+        weight = 1.0 / (s_1 ** 2 + (s_0 / mean) ** 2)
+        rest = steady / mean - 1.0
+        size = float(weight @ beside ** 2)
+        more = float(weight @ (beside * rest)) / size
+        variance = float(weight @ (rest - more * beside) ** 2) / freedom / size
+        found = Drift(found.rate + more, float(
+            stats.t.ppf(0.5 + 0.5 * LEVEL, freedom) * np.sqrt(variance)))
+    clear = float(stats.t.ppf(1.0 - 0.5 * SURE, freedom) * np.sqrt(variance))
+    return found if abs(found.rate) > clear else None
 
 
 def weighted(
@@ -134,7 +248,7 @@ def systematic(X: Floats, T: Floats, start: Floats, s_0: float, s_1: float) -> l
     mean, time = (np.bincount(level, x) / counts for x in (T, np.arange(len(X)) / len(X)))
     law = np.column_stack([np.ones(m), np.log(levels)])
     found = [_term(law, mean, start, s_0, s_1, counts, True)]
-    if np.std(time - law @ np.linalg.lstsq(law, time)[0]) > APART:
+    if not _comes_back(X) and np.std(time - law @ np.linalg.lstsq(law, time)[0]) > APART:
         found.append(_term(np.column_stack([law, time]), mean, np.append(start, 0.0), s_0, s_1,
                            counts, False))
     return sorted((one for one in found if one), key=lambda one: one.variance)
@@ -167,8 +281,8 @@ def one_way(X: Floats, half: float) -> str:
         Half width of the interval of the exponent.
 
     """
-    if np.count_nonzero(np.diff(X)) >= len(np.unique(X)):
-        return ''  # a command comes back
+    if _comes_back(X):
+        return ''
     log_X = np.log(X) - np.log(X).mean()
     moved = float(log_X @ np.linspace(0.0, 1.0, len(X)) / (log_X @ log_X))  # b, per drift of 1
     if not half < LARGEST_DRIFT * abs(moved):

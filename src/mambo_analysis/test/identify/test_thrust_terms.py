@@ -1,6 +1,7 @@
 """Systematic errors of a bench: what shows them, and what cannot."""
 
-from mambo_analysis.identify.thrust_terms import described, one_way, systematic, weighted
+from mambo_analysis.identify.thrust_terms import (
+    described, one_way, repeated_drift, repeated_errors, systematic, weighted)
 import numpy as np
 import pytest
 
@@ -55,6 +56,46 @@ def test_noise_shows_no_systematic_error(X, noise):
 
 def test_a_sag_that_up_and_down_cancels_is_none():
     assert not any(terms(SWEEPS, bench(SWEEPS, seed, 0.005, sag=0.15)) for seed in range(20))
+
+
+UP_AND_DOWN = np.concatenate([RISING, RISING[::-1]])
+
+
+@pytest.mark.parametrize('X', [UP_AND_DOWN, SWEEPS])
+@pytest.mark.parametrize('noise', [0.005, 0.02])
+def test_repeated_readings_show_a_drift_that_up_and_down_cancels(X, noise):
+    found = [repeated_drift(X, bench(X, seed, noise, sag=0.1)) for seed in range(20)]
+    inside = [one.interval[0] < np.log(0.9) < one.interval[1] for one in found]
+    assert sum(inside) >= 15  # of 20 at 95 %; the sag is even, not exponential
+    assert np.mean([one.rate for one in found]) == pytest.approx(np.log(0.9), abs=0.01)
+    T = bench(X, 0, 0.0, sag=0.1)
+    assert repeated_drift(X, T).removed(T) == pytest.approx(bench(X, noise=0.0), rel=0.01)
+
+
+def test_a_drift_is_no_scatter_of_the_scale():
+    T = bench(UP_AND_DOWN, 3, 0.005, sag=0.1)
+    assert repeated_errors(UP_AND_DOWN, T)
+    assert not repeated_errors(UP_AND_DOWN, repeated_drift(UP_AND_DOWN, T).removed(T))
+
+
+def test_a_drift_shows_beside_a_scale_that_errs_by_newtons():
+    rng = np.random.default_rng(0)
+    T = bench(UP_AND_DOWN, 0, 0.005, sag=0.1) + 0.002 * rng.standard_normal(len(UP_AND_DOWN))
+    found = repeated_drift(UP_AND_DOWN, T)
+    assert found.rate == pytest.approx(-0.105, abs=0.03) and found.half < 0.04
+    assert repeated_errors(UP_AND_DOWN, found.removed(T))[0] == pytest.approx(0.002, rel=0.2)
+
+
+@pytest.mark.parametrize('X', [UP_AND_DOWN, SWEEPS])
+def test_repeated_readings_of_a_steady_bench_show_no_drift(X):
+    assert sum(repeated_drift(X, bench(X, seed, 0.01)) is not None
+               for seed in range(60)) <= 1  # 0.1 % each
+
+
+def test_one_sweep_or_few_repeated_readings_show_no_drift_by_themselves():
+    assert repeated_drift(RISING, bench(RISING, sag=0.1)) is None
+    few = np.array([50.0, 100.0, 150.0, 200.0, 150.0, 100.0, 50.0])
+    assert repeated_drift(few, bench(few, sag=0.1)) is None
 
 
 def test_what_a_rotor_does_beside_a_power_law_is_scatter():
