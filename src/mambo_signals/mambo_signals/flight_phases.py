@@ -131,13 +131,13 @@ def detect_phases(motion: Motion) -> Phases:
     Detect take-off and landing in the height of a flight.
 
     The take-off begins and the landing ends on the ground
-    (:func:`mambo_signals.time_offset.flight_by_height`). The take-off ends when the vertical speed
-    first stays below ``LEVEL`` for ``SETTLED``. The landing begins with the last descent. A
+    (:func:`mambo_signals.time_offset.flight_by_position`). The take-off ends when the vertical
+    speed first stays below ``LEVEL`` for ``SETTLED``. The landing begins with the last descent. A
     recording that begins in the air has no take-off.
     """
     t = motion.stamps * 1e-9
     try:
-        takeoff, touchdown, _ = time_offset.flight_by_height(t, motion.position[:, 2])
+        takeoff, touchdown, _ = time_offset.flight_by_position(t, motion.position)
     except time_offset.AlignError as error:
         return Phases(None, None, 'no take-off found: ' + _literal(str(error)))
     if takeoff is None:

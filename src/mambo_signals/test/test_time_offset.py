@@ -7,8 +7,8 @@ from mambo_signals import time_offset as align
 from mambo_signals.resample import interpolate, longest_step
 from mambo_signals.time_offset import (
     AlignError, equalised, find_flight, flight_by_acceleration, flight_by_height,
-    flight_by_thrust, most_precise, Offset, pose_offset, refuse_uncertain, registration,
-    time_offset, UncertainError)
+    flight_by_position, flight_by_thrust, most_precise, Offset, pose_offset, refuse_uncertain,
+    registration, time_offset, UncertainError)
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
@@ -252,6 +252,23 @@ def test_a_place_to_land_may_be_lower_and_ends_in_the_air_are_not_made_up():
     assert flight_by_height(t[t < 20], z[t < 20]).landing is None
     with pytest.raises(AlignError, match='never leaves the ground'):
         flight_by_height(t, 0.01 * np.sin(t))
+
+
+@pytest.mark.parametrize('ground, drift, hover, takeoff', [
+    (0.7, 0.0, 0.0, 4.0),      # stands 0.7 m above the zero of a hall
+    (0.0, 0.05, 0.0, 4.0),     # the own estimate of a standing drone moves
+    (0.7, 0.0, 0.02, None),    # hovers, and climbs
+    (0.7, 0.05, 0.0, None)])   # drifts in the air, and climbs
+def test_a_climb_of_a_vehicle_that_does_not_stand_is_no_take_off(ground, drift, hover, takeoff):
+    t = np.arange(0.0, 20.0, 0.01)
+    noise = 2e-4 * np.random.default_rng(0).standard_normal((len(t), 3))
+    path = noise + np.column_stack([
+        drift * t, hover * np.sin(3.0 * t), ground + np.clip(t - 4.0, 0.0, 1.5)])
+    path[250:260] = np.nan
+    assert flight_by_height(t, path[:, 2]).takeoff == pytest.approx(4.0, abs=0.05)
+    found = flight_by_position(t, path)
+    assert found.takeoff == (None if takeoff is None else pytest.approx(takeoff, abs=0.05))
+    assert found.landing is None
 
 
 def test_take_off_and_landing_by_thrust_and_by_acceleration():

@@ -76,7 +76,7 @@ def range_offset(bag: Bag) -> float:
 def airborne(truth: Odometry) -> tuple[float, float]:
     """Return the times of take-off and landing, s; an end of the recording if one is missing."""
     t = truth.stamp * 1e-9
-    return time_offset.flight_by_height(t, truth.position[:, 2]).within(t[0], t[-1])
+    return time_offset.flight_by_position(t, truth.position).within(t[0], t[-1])
 
 
 class ErrorSeries(NamedTuple):

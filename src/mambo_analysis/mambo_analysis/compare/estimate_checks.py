@@ -193,7 +193,7 @@ def turning(bag: Bag) -> list[str]:
     if not pair.has_attitude(tracked):
         return []
     try:
-        flown = time_offset.flight_by_height(tracked.t, tracked.position[:, 2])
+        flown = time_offset.flight_by_position(tracked.t, tracked.position)
     except time_offset.AlignError:  # it never flew
         return []
     part = slice(*np.searchsorted(tracked.t, flown.within(tracked.t[0], tracked.t[-1])))

@@ -131,13 +131,18 @@ def begins_in_air(motion: Motion, stamp: int) -> bool:
     """
     Return whether a vehicle is in the air at a stamp [ns].
 
-    Also where the recording does not show it standing: what hovers all the time may be high.
+    Also where the recording does not show it standing: what hovers all the time may be high. So
+    is what lands after the stamp, and takes off again.
     """
     try:
-        takeoff = time_offset.flight_by_height(motion.t, motion.position[:, 2]).takeoff
+        takeoff = time_offset.flight_by_position(motion.t, motion.position).takeoff
     except time_offset.AlignError:
         return True
-    return takeoff is None or stamp * 1e-9 > takeoff
+    if takeoff is None or stamp * 1e-9 > takeoff:
+        return True
+    here, ground = motion.values(
+        np.array([stamp, round(takeoff * 1e9)]), motion.position[:, 2:])[:, 0]
+    return bool(here - ground > time_offset.LEAST_RISE)
 
 
 def own_origin(a: Motion, b: Motion, in_air: bool) -> Alignment:

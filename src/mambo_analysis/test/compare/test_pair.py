@@ -4,10 +4,13 @@ import csv
 import dataclasses
 import json
 import math
+from pathlib import Path
 
 from mambo_analysis.compare import pair, report, tables
 from mambo_analysis.compare.compare import compare, compare_bags, main
-from mambo_analysis.importers.common import Publisher
+from mambo_analysis.importers.common import Publisher, read_source
+from mambo_analysis.importers.mat_file import variables
+from mambo_analysis.importers.minidrone import read_log
 from mambo_bags.reader import BagError, read_bag
 from mambo_bags.writer import BagWriter
 from mambo_model.motion.rigid_body import State
@@ -21,6 +24,10 @@ from scipy.spatial.transform import Rotation
 from synthetic import LANDING, make_flight, Maker, STEP, truth_position
 
 TOPICS = ('optitrack/pose', 'estimate/odom')
+REAL = sorted((Path(__file__).resolve().parents[5] / 'shared' / 'data'
+               / 'rolling_spider_flights').glob('*.mat'))
+needs_data = pytest.mark.skipif(
+    not REAL, reason='flight logs are not beside the repo (../shared/data)')
 
 
 def flown(path, topics=('estimate/odom',), offset=0.0, turn=0.0, shift=(0.0, 0.0, 0.0),
@@ -339,6 +346,33 @@ def test_an_estimate_that_begins_in_the_air_has_no_error_of_its_altitude(tmp_pat
     assert row['drift'][2] == pytest.approx(0.0, abs=0.011)
     assert 'estimate/odom has an origin of its own' in note
     assert ('begins in the air: height made equal in the median' in note) == (begin > 0.0)
+
+
+@needs_data
+@pytest.mark.parametrize('name', ['exampleflight', 'p9_trial4', 'speed1', 'square_1'])
+def test_a_real_log_that_begins_in_flight_begins_in_the_air_wherever_it_was_cut(name):
+    path = next(one for one in REAL if name in one.stem)
+    log = read_log(read_source(path), variables(path, path.read_bytes()))
+    position = log.columns('X', 'Y', 'Z') * [1.0, -1.0, -1.0]
+    stamps = STEP * np.arange(len(log))
+
+    def begins(first):
+        return pair.begins_in_air(motion.Motion(
+            'onboard/odom', stamps[first:], position[first:],
+            np.tile([0.0, 0.0, 0.0, 1.0], (len(log) - first, 1))), stamps[first])
+    assert not begins(0)
+    assert all(begins(first) for first in range(400, len(log) - 600, 100))
+
+
+def test_what_lands_and_takes_off_again_begins_in_the_air():
+    t = np.arange(0.0, 20.0, 0.01)
+    height = np.interp(t, [0.0, 2.0, 4.0, 8.0, 10.0], [0.6, 0.6, 0.0, 0.0, 2.0])
+    stamps = np.rint(t * 1e9).astype(np.int64)
+    one = motion.Motion('optitrack/pose', stamps, np.column_stack([0.0 * t, 0.0 * t, height]),
+                        np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1)))
+    assert pair.begins_in_air(one, stamps[0])
+    assert not pair.begins_in_air(one, stamps[500])
+    assert pair.begins_in_air(one, stamps[1000])
 
 
 def test_a_part_of_too_few_samples_has_no_statistics(flights):
