@@ -214,6 +214,27 @@ def test_sensors_that_contradict_the_estimate_of_a_real_log_are_told(tmp_path, c
 
 
 @needs_data
+@pytest.mark.parametrize('name', ['exampleflight', 'p9_trial4', 'speed1'])
+def test_sensors_of_a_real_log_that_stop_are_told_each(tmp_path, name):
+    content = scipy.io.loadmat(next(path for path in FLIGHTS if name in path.stem))
+    signals = content['rt_yout'][0, 0]['signals']
+    for one in signals.ravel():
+        if str(one['blockName'].squeeze()).rpartition('/')[2] in (
+                'pa', 'ddxb', 'altitude_sonarb', 'opticalFlow_datout', 'prsb'):
+            third = len(one['values']) // 3
+            one['values'] = one['values'].astype(float)
+            one['values'][third:] = one['values'][third]
+    scipy.io.savemat(tmp_path / 'log.mat', {
+        key: content[key] for key in ('rt_tout', 'rt_yout')})
+    _, notes = import_minidrone(tmp_path / 'log.mat', tmp_path / 'bag')
+    assert [note[:note.index(' from')] for note in notes if 'had stopped' in note] == [
+        'imu/data_raw: x of its gyro repeats one value',
+        'imu/data_raw: x of its accelerometer repeats one value',
+        'sonar/range: it has no new value', 'optical_flow: it has no new value',
+        'barometer/pressure: it has no new value']
+
+
+@needs_data
 def test_held_sample_gaps_are_those_of_the_log():
     log = toolbox_log(next(p for p in FLIGHTS if 'exampleflight' in p.stem))
     steps = new_samples(log.signals['altitude_sonarb'])

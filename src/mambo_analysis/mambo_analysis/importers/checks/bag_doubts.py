@@ -23,17 +23,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from . import motion_doubts, plausible, powertrain, slips, tilts
+from . import motion_doubts, plausible, powertrain, slips, stopped, tilts
 from ..common import NAMESPACE
+from .stopped import CLIMB, OWN, REACH, STOPPED, TRACKED
 
 Floats = NDArray[np.float64]
 Beside = tuple[Floats, Floats]  # ranges, (n,) m, and the drone's own positions then, (n, 3) m
-TRACKED, OWN = 'optitrack/pose', 'onboard/odom'
 GRAVITY = 9.81  # [m/s^2]
 FORCE = (5.0, 15.0)  # [m/s^2] median length of the specific force, in any attitude
 TILTED = 0.5  # [rad] of its mean in the world from the vertical; accelerometers are mounted level
-CLIMB = 0.3  # [m] of the height, between its 5 and 95 %, that a range must show
-REACH = 0.98  # [-] of the largest range, beyond which it may be the end of the reach
 SHOWN = 0.2  # [-] of it that a range shows at least
 FARTHEST = 5.0  # [m] median distance of drone and reference
 LONGEST_PAUSE = 600.0  # [s] between two messages
@@ -41,13 +39,11 @@ ENOUGH = 0.005  # [s] between samples of a turning
 LATE = 0.1  # [s] between gyro and attitude
 FALLS = -0.4  # correlation of range and own height; -0.14 at least in twelve real flights
 RISES = 0.4  # correlation of pressure and height; 0.13 at most in twelve real flights
-STOPPED = 1.0  # [s] with the same numbers
 FAST_SPEED = 0.2  # [m/s] of an estimate whose position cannot stand
 LEAP = 0.5  # [m] of an estimate between two samples that is told
 FAST = ('imu/data_raw', 'motor_pwm', TRACKED, OWN)
 PAUSE, PERIOD = 1.0, 0.1  # [s] of a topic with that period, at most
 COVERED = 0.75  # [-] of the time of a recording, at least, that a fast topic covers
-MOVED = 0.1  # [m] of another motion meanwhile
 
 
 def imported(path: Path) -> list[str]:
@@ -80,7 +76,7 @@ def _doubts(bag: Bag) -> list[str]:
         out += slips.describe(TRACKED, motions[TRACKED].t, motions[TRACKED].position)
     for name, one in motions.items():
         out += capture(one) if name == TRACKED else _still(one)
-    out += _stopped(bag, motions)
+    out += stopped.describe(bag, motions)
     out += [f'sonar/range: {line}: check both before you use them'
             for line in height_check.of_bag(bag)]
     out += _ranges(bag, motions)
@@ -263,39 +259,6 @@ def _still(one: Motion) -> list[str]:
         return []
     return [f'{one.name}: the positions stay within {found[0]:.2g} m while the attitude changes: '
             'check their unit, unless the vehicle was held']
-
-
-def _stopped(bag: Bag, motions: dict[str, Motion]) -> list[str]:
-    """Return a line about inertial samples or an estimate that repeat while the vehicle moves."""
-    series, tracked = [], motions.get(TRACKED)
-    if tracked is None:
-        return []
-    if OWN in motions:
-        series.append((OWN, 'it', motions[OWN].stamps, motions[OWN].position))
-    if 'imu/data_raw' in bag:
-        imu = bag['imu/data_raw']
-        gyro, force = imu.angular_velocity, imu.acceleration
-        series += [('imu/data_raw', what, imu.stamp, values) for what, values in (
-            ('it', np.hstack([gyro, force])), ('its gyro', gyro), ('its accelerometer', force))]
-    out: list[str] = []
-    for name, what, stamps, values in series:
-        if any(line.startswith(name) for line in out):
-            continue
-        stamps, first = np.unique(stamps, return_index=True)
-        values = values[first]
-        known = np.isfinite(values).all(axis=0)
-        if not known.any() or len(stamps) < 2:
-            continue
-        edges = np.flatnonzero(np.concatenate(
-            [[True], (np.diff(values[:, known], axis=0) != 0.0).any(axis=1), [True]]))
-        spans = np.column_stack([stamps[edges[:-1]], stamps[edges[1:] - 1]])
-        for begin, end in spans[np.diff(spans)[:, 0] >= STOPPED * 1e9]:
-            inside = (tracked.stamps > begin) & (tracked.stamps < end)
-            if inside.any() and np.ptp(tracked.position[inside], axis=0).max() > MOVED:
-                out.append(f'{name}: {what} repeats one value from {begin * 1e-9:.2f} to '
-                           f'{end * 1e-9:.2f} s, while {TRACKED} moves: it had stopped')
-                break
-    return out
 
 
 def _ranges(bag: Bag, motions: dict[str, Motion]) -> list[str]:
