@@ -53,7 +53,7 @@ EVEN, SMOOTH = 0.05, 0.2  # [s] step and window of smoothed positions
 REST = 0.5  # [s] for which a vehicle stands before it takes off
 STILL = 1e-3
 """Most that the position of a standing vehicle changes in ``REST`` [m]. In twelve tracked flights
-that is up to 0.4 mm on the floor, and 3.4 mm or more in the calmest part of each in the air."""
+that is up to 0.4 mm at the begin, on the floor, and 3.4 mm or more in all parts in the air."""
 WORST_YAW = math.radians(2.0)
 """Largest standard error of a yaw by two paths [rad]. Of 16 pairs of simulated flights that hover
 for 5 or 20 s it is 4 to 170 deg, and the yaw wrong by up to 144 deg, as a path of few independent

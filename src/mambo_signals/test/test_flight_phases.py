@@ -199,6 +199,14 @@ def test_a_recording_that_ends_in_the_air_has_no_landing():
     assert [name for name, _, _ in seen.parts()] == ['whole flight', 'take-off', 'after take-off']
 
 
+def test_a_climb_from_a_hover_is_no_take_off():
+    t, z = profile()
+    hover = 0.7 + 0.02 * np.sin(3.0 * t)
+    seen = detect_phases(height(z + hover))
+    assert seen == Phases(None, None, 'no take-off found: the recording begins in the air')
+    assert detect_phases(height(z + 0.7)).liftoff is not None
+
+
 def test_a_gap_is_no_height_that_is_kept():
     """Where the capture lost the vehicle nothing is level: the take-off ends behind it."""
     t, z = profile()

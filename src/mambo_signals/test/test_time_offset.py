@@ -271,6 +271,17 @@ def test_a_climb_of_a_vehicle_that_does_not_stand_is_no_take_off(ground, drift, 
     assert found.landing is None
 
 
+@pytest.mark.parametrize('noise, rest, stands', [
+    (1e-4, 4.0, True), (1e-3, 4.0, True),   # noise of a capture is smoothed
+    (1e-4, 0.8, True), (1e-4, 0.3, False),  # a rest that is too short tells nothing
+    (2e-2, 4.0, False)])                    # no capture: the position is not known so well
+def test_a_rest_is_found_if_it_lasts_and_the_noise_is_that_of_a_capture(noise, rest, stands):
+    t = np.arange(0.0, 20.0, 0.01)
+    path = noise * np.random.default_rng(0).standard_normal((len(t), 3))
+    path[:, 2] += 0.7 + np.clip(t - rest, 0.0, 1.5)
+    assert (flight_by_position(t, path).takeoff is not None) == stands
+
+
 def test_take_off_and_landing_by_thrust_and_by_acceleration():
     rng = np.random.default_rng(1)
     t = np.arange(0.0, 20.0, 0.005)
