@@ -78,6 +78,13 @@ def runs(known: Bools) -> Ints:
     return np.flatnonzero(np.diff(np.concatenate([[0], known.astype(int), [0]]))).reshape(-1, 2)
 
 
+def constant_runs(values: Floats) -> Ints:
+    """Return the first row of each run of equal rows in (n, k), and that after it, (m, 2)."""
+    new = (np.diff(values, axis=0) != 0.0).any(axis=1)
+    edges = np.flatnonzero(np.concatenate([[True], new, [True]]))
+    return np.column_stack([edges[:-1], edges[1:]])
+
+
 def longest_run(known: Bools) -> slice:
     """Return the longest run of True in a mask, (n,); an empty slice if there is none."""
     found = runs(known)

@@ -125,6 +125,13 @@ def test_all_runs(known, found):
     assert resample.runs(np.array(known, bool)).tolist() == found
 
 
+@pytest.mark.parametrize(('values', 'found'), [
+    ([[1, 2]], [[0, 1]]), ([[1, 2], [1, 2]], [[0, 2]]),
+    ([[1, 2], [1, 3], [1, 3], [0, 3]], [[0, 1], [1, 3], [3, 4]])])
+def test_all_runs_of_equal_rows(values, found):
+    assert resample.constant_runs(np.array(values, float)).tolist() == found
+
+
 def test_usual_period_is_that_of_most_gaps():
     frames = np.delete(np.arange(50) * 8_333_333, [10, 11, 30])
     assert resample.median_period(frames) == 8_333_333

@@ -285,14 +285,15 @@ def drifting(found: Thrust, steady: Thrust) -> str:
 
 def _doubts(X: Floats, T: Floats, found: Thrust, step: float) -> list[str]:
     """Return in words what speaks against the intervals; empty where nothing does."""
-    coarsely, drifted = coarse(T, step), found
-    if drifted.drift:
-        T = drifted.drift.removed(T)
-        found = _fit(X, T, np.ones(len(X), bool))
-    terms = systematic(X, T, np.array([np.log(found.a.value), found.b.value]),
-                       found.scale_error, found.share_error)
-    return [drifting(drifted, found), uneven(X, T, found) or unrepeated(X, found),
-            misfit(X, T, found), described(terms) or one_way(X, found.b.half), coarsely]
+    even, steady = T, found  # without the drift
+    if found.drift:
+        even = found.drift.removed(T)
+        steady = _fit(X, even, np.ones(len(X), bool))
+    terms = systematic(X, even, np.array([np.log(steady.a.value), steady.b.value]),
+                       steady.scale_error, steady.share_error)
+    return [drifting(found, steady), uneven(X, even, steady) or unrepeated(X, steady),
+            misfit(X, even, steady), described(terms) or one_way(X, steady.b.half),
+            coarse(T, step)]
 
 
 def _report(

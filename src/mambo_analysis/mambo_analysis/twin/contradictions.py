@@ -14,6 +14,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from mambo_signals import gyro_check
+from mambo_signals.resample import constant_runs
 import numpy as np
 from numpy.typing import NDArray
 
@@ -72,13 +73,12 @@ def refuse_stuck(path: Path, name: str, unit: str, values: Floats, step: float) 
 
     """
     for axis, x in zip(AXES, values.T):
-        edges = np.flatnonzero(np.concatenate([[True], np.diff(x) != 0.0, [True]]))
-        length = np.diff(edges)
-        k = int(length.argmax())
-        if length[k] * step > STUCK:
+        first, end = max(constant_runs(x[:, None]).tolist(), key=lambda run: run[1] - run[0])
+        if (end - first) * step > STUCK:
             raise IdentifyError(
-                f'{path}: the {name} repeats {x[edges[k]]:.4g} {unit} along {axis} for '
-                f'{length[k] * step:.1f} s in the air: that axis is dead, or not in the recording')
+                f'{path}: the {name} repeats {x[first]:.4g} {unit} along {axis} for '
+                f'{(end - first) * step:.1f} s in the air: that axis is dead, or not in the '
+                'recording')
 
 
 def refuse_still_motor(path: Path, command: Floats) -> None:

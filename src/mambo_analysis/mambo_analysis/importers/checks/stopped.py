@@ -15,6 +15,7 @@ from mambo_bags.reader import Bag
 from mambo_signals import height_check
 from mambo_signals.derivative import local_fit, POSITION
 from mambo_signals.motion import Motion
+from mambo_signals.resample import constant_runs
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,6 +35,7 @@ FASTER = 0.2  # [m/s] change of a velocity that a flow must show
 STEPS = 2.0  # [-] steps of a sensor's resolution that a motion makes for a change to be seen
 PASCALS = 11.8  # [Pa/m] of the pressure over height, at sea level
 EVEN = 0.05  # [s] step of velocities
+AFTER = (0, 1)  # from the sample after a run to its last one
 
 
 def describe(bag: Bag, motions: dict[str, Motion]) -> list[str]:
@@ -60,13 +62,6 @@ def describe(bag: Bag, motions: dict[str, Motion]) -> list[str]:
         if topic in bag and len(bag[topic]) > 1:
             out += _slow(bag, topic, fields, must_show, moving)
     return out
-
-
-def _repeats(values: Floats) -> NDArray[np.int64]:
-    """Return first and last sample of each run of equal values, (m, 2), of (n, k)."""
-    new = (np.diff(values, axis=0) != 0.0).any(axis=1)
-    edges = np.flatnonzero(np.concatenate([[True], new, [True]]))
-    return np.column_stack([edges[:-1], edges[1:] - 1])
 
 
 def _ordered(stamps: Ints, values: Floats) -> tuple[Ints, Floats]:
@@ -110,7 +105,7 @@ def _fast(topic: str, what: str, stamps: Ints, values: Floats, moving: Motion,
     known = np.isfinite(values).any(axis=0)
     if not known.any() or len(stamps) < 2:
         return []
-    runs = stamps[_repeats(values[:, known])]
+    runs = stamps[constant_runs(values[:, known]) - AFTER]
     length = np.diff(runs)[:, 0]
     for k in np.flatnonzero(length >= STOPPED * 1e9).tolist():
         others = np.delete(length, k)
@@ -151,7 +146,7 @@ def _slow(bag: Bag, topic: str, fields: tuple[str, ...], must_show: MustShow,
     """Return a line about the first time in which a sensor must have a new value, and has none."""
     stamps, values = _ordered(bag[topic].stamp, np.column_stack(
         [np.asarray(bag[topic][field], float) for field in fields]))
-    runs = _repeats(values)
+    runs = constant_runs(values) - AFTER
     begins, ends = stamps[runs].T
     if bag.metadata.get('import', {}).get('importer') in NEW_ALONE:
         ends = np.append(begins[1:], max(moving.stamps[-1], stamps[-1]))
