@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from itertools import islice
 from typing import Any, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
@@ -172,6 +173,13 @@ class Entry:
                 break
         return size > 0
 
+    def drop_waiting(self) -> bool:
+        """Drop what waits of a guarded input; return whether its accepted publisher sent any."""
+        if self._taker is None:
+            return False
+        first, waiting = self.take.first, islice(iter(self._taker, None), topics.QUEUE)
+        return any(not first or publisher == first for _, _, publisher in waiting)
+
 
 def any_waiting(entries: Sequence[Entry], context: Context) -> bool:
     """Return whether a message waits at the middleware for one of some entries."""
@@ -184,8 +192,8 @@ def any_waiting(entries: Sequence[Entry], context: Context) -> bool:
         return bool(wait_set.get_ready_entities('subscription'))
 
 
-def tell_unread(entries: Sequence[Entry], context: Context) -> None:
-    """Tell the guards of some entries if messages wait that nobody will read."""
+def tell_unread(entries: Sequence[Entry]) -> None:
+    """Tell the guards of some entries if messages wait that they accept and nobody will read."""
     for entry in entries:
-        if isinstance(entry.take, PublisherGuard) and any_waiting([entry], context):
+        if entry.drop_waiting():
             entry.take.incomplete(entry.take, UNREAD)

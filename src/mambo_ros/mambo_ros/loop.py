@@ -182,7 +182,7 @@ class Loop:
                         self._queue or any_waiting(self._entries, self._context)):
                     break
             now = time.monotonic()
-        tell_unread(self._entries, self._context)
+        tell_unread(self._entries)
 
     def turn(self) -> None:
         """Announce links, report refusals, and serve timers, parameters and services once."""

@@ -7,6 +7,7 @@ from mambo_ros.graph.publisher_guard import LOST, UNREAD
 from mambo_ros.loop import Loop
 from mambo_ros.node import MamboNode
 import pytest
+from rclpy.duration import Duration
 from ros_helpers import until
 
 
@@ -87,3 +88,24 @@ def test_what_an_ending_node_did_not_read_is_told(monkeypatch, longest, unread, 
     loop.close()
     assert told == [(guard, UNREAD)] * (unread or urgent)
     assert (len(heard) == 300) == (not told)
+
+
+@pytest.mark.usefixtures('ros')
+@pytest.mark.parametrize('more', [0, 1])
+def test_what_waits_of_a_second_publisher_is_not_missed(more):
+    """A stranger goes on while a recorder ends: only messages of its own publisher count."""
+    publish, loop, guard, heard, told = one_heard()
+    stranger = MamboNode('stranger', NoParams)
+    foreign = stranger.advertise(topics.CLOCK)
+    until(lambda: foreign.publisher.get_subscription_count(), 'the reader')
+    for k in range(1, 300):
+        foreign(messages.clock(k))
+    if more:
+        publish(messages.clock(1))
+    for output in (foreign, publish):  # acknowledged: they wait
+        assert output.publisher.wait_for_all_acked(Duration(seconds=20.0))
+    loop.urgent = True
+    loop.drain()
+    loop.close()
+    assert len(heard) == 1
+    assert told == [(guard, UNREAD)] * more
