@@ -13,6 +13,7 @@ import yaml
 SECOND = 1_000_000_000  # ns
 ZERO, LEVEL = (0.0,) * 3, (1.0, 0.0, 0.0, 0.0)
 HIGH = Reference((0.0, 0.0, -1.0), ZERO, ZERO, ZERO, ZERO, LEVEL, ZERO, ZERO, 1.0, ZERO)
+DOWN = HIGH._replace(rho=ZERO)
 LINE = 'motors shut down: estimator not aligned'
 
 
@@ -22,7 +23,7 @@ def bag(path, name, level, hand=False, seconds=3, motors=False, height=None, dow
     Return a bag of so many s of a flight of 3 s, in which a node says a line each second.
 
     With a height in m, or one for each second, the vehicle is there, and its reference 1 m high,
-    from 1 s on; the reference has landed from 2 s on, if it does. Motor commands are lost at some
+    from 1 s on; the reference has landed from 2 s on, on the floor, if it does. Motor commands are lost at some
     seconds. The lines begin at the first second that is given.
     """
     heights = height if isinstance(height, tuple) else (height,) * seconds
@@ -44,7 +45,7 @@ def bag(path, name, level, hand=False, seconds=3, motors=False, height=None, dow
                 t, (200.0 if motors else 0.0,) * 4, down and second == 2, 0), t)
         if second and height is not None:
             writer.write('/mambo/reference', messages.reference(
-                t, HIGH, LANDED if landed and second >= 2 else TRACK), t)
+                t, *((DOWN, LANDED) if landed and second >= 2 else (HIGH, TRACK))), t)
             writer.write('/mambo/ground_truth/odom', messages.ground_truth(
                 t, State((0.0, 0.0, -heights[second - 1]), ZERO, LEVEL, ZERO)), t)
         if second >= first:

@@ -7,11 +7,14 @@ from dataclasses import dataclass
 import math
 
 from mambo_interfaces.msg import Reference
+from mambo_model.motion.height_check import ABOVE
 from mambo_model.vehicle.parameters import preset
 from mambo_ros import messages, topics
 from mambo_ros.topics import Topic
 
 _UNIT = 1e-3  # by which the norm of a quaternion may differ from 1
+MOTORS_STOP = (Reference.PHASE_GROUND, Reference.PHASE_LANDED)
+"""Phases in which no motor turns, of a reference on the floor."""
 _MOTORS = preset('identified').values()
 
 
@@ -85,6 +88,10 @@ def _read_reference(data: bytes) -> tuple[int, str]:
         wrong = f'thrust = {r.f:g} N, wanted above 0'
     if not wrong and phase > Reference.PHASE_LANDED:
         wrong = f'phase = {phase}, wanted 0 to {Reference.PHASE_LANDED}'
+    if not wrong and phase in MOTORS_STOP and -r.rho[2] > ABOVE:
+        wrong = (f'phase = {phase}, in which the motors stand still, at a height of '
+                 f'{-r.rho[2]:.2f} m: wanted {Reference.PHASE_TAKEOFF}, {Reference.PHASE_TRACK} '
+                 f'or {Reference.PHASE_LANDING} in the air')
     return t, wrong
 
 

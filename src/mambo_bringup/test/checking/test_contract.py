@@ -16,9 +16,9 @@ def state(rho=ZERO, q=LEVEL):
     return State(rho, ZERO, q, ZERO)
 
 
-def reference(f=1.0, q=LEVEL, phase=2, j=ZERO):
+def reference(f=1.0, q=LEVEL, phase=2, j=ZERO, height=0.0):
     return messages.reference(
-        5, Reference(ZERO, ZERO, ZERO, j, ZERO, q, ZERO, ZERO, f, ZERO), phase)
+        5, Reference((0.0, 0.0, -height), ZERO, ZERO, j, ZERO, q, ZERO, ZERO, f, ZERO), phase)
 
 
 GOOD = {
@@ -29,6 +29,12 @@ GOOD = {
 
 def test_every_node_has_a_contract():
     assert set(GOOD) == set(CONTRACTS) and len(BY_TOPIC) == 4
+
+
+@pytest.mark.parametrize(('height', 'phase'), [
+    (0.0, 0), (0.0, 4), (0.1, 4), (-1.0, 4), (1.0, 1), (1.0, 2), (1.0, 3)])
+def test_a_reference_on_the_floor_or_with_a_phase_of_flight_passes(height, phase):
+    assert CONTRACTS['reference'].read(reference(phase=phase, height=height)) == (5, '')
 
 
 @pytest.mark.parametrize('node', GOOD)
@@ -45,6 +51,9 @@ def test_a_sound_answer_passes(node):
     ('estimator', messages.estimate(5, state(), (math.nan,) * 36, Z36), 'covariance = '),
     ('reference', reference(f=0.0), 'thrust = 0 N'),
     ('reference', reference(phase=5), 'phase = 5'),
+    *(('reference', reference(phase=phase, height=0.25),
+       f'phase = {phase}, in which the motors stand still, at a height of 0.25 m: wanted 1, 2 or 3')
+      for phase in (0, 4)),
     ('reference', reference(j=NAN3), 'jerk = '), ('reference', reference(q=LONG), 'norm 1.1'),
     ('optitrack', messages.optitrack(5, NAN3, LEVEL), 'position = '),
     ('optitrack', messages.optitrack(5, ZERO, LONG), 'norm 1.1')])

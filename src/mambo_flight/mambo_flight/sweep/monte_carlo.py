@@ -118,7 +118,7 @@ def count(
     runs = int(highest > 0.0)
     cut = int(highest > 0.0 and (highest >= limits[1] or lowest <= limits[0]))
     flown, top, since = in_flight(phase), max(a.top, -truth[2]), math.nan
-    if flown and lies_below(-truth[2], -reference[2]):
+    if lies_below(-truth[2], -reference[2]):
         since = t if math.isnan(a.down_since) else a.down_since
     still = not flown and not runs
     fell = a.fallen or t - since >= LONG or (  # the former is false for NaN

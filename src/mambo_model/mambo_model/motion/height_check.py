@@ -26,6 +26,8 @@ def lies_below(height: float, wanted: float) -> bool:
     """
     Return whether a vehicle lies on the floor below a reference in the air, at one instant.
 
+    The phase is of no concern: one in which the motors stand still belongs on the floor.
+
     Parameters
     ----------
     height, wanted : m
@@ -78,7 +80,7 @@ def height_fault(
     Return why a flight was not flown as asked, or an empty string.
 
     The reason is that the vehicle fell to the floor, rose late or never, or was far from the
-    height of its reference.
+    height of its reference; or that a reference in the air had a phase without motors.
 
     Parameters
     ----------
@@ -100,8 +102,13 @@ def height_fault(
         if len(asked) and t[asked[-1]] - t[asked[0]] >= LONG and (height <= LIFTED).all():
             return (f'the vehicle never took off: on the floor from {t[asked[0]]:.2f} to '
                     f'{t[asked[-1]]:.2f} s, up to {wanted[asked].max():.2f} m below its reference')
-        if found := _longest(t, flown & python(lies_below)(height, wanted), LONG):
+        if found := _longest(t, python(lies_below)(height, wanted), LONG):
             begin, end, part = found
+            if not flown[part].any():
+                return (f'the reference was up to {wanted[part].max():.2f} m above the vehicle on '
+                        f'the floor, from {begin:.2f} to {end:.2f} s, in phase GROUND or LANDED, '
+                        'in which the motors stand still: to fly, its phase must be TAKEOFF, '
+                        'TRACK or LANDING')
             return (f'the vehicle was on the floor from {begin:.2f} to {end:.2f} s, up to '
                     f'{wanted[part].max():.2f} m below its reference')
     off = height - wanted

@@ -46,6 +46,19 @@ LANDED_FLIGHT = (GROUND, TRACK, LANDING, LANDED, LANDED, LANDED)
      (GROUND, LANDING, LANDED, LANDED, LANDED, LANDED),  # it rises after the landing
      'the vehicle was up to 32.00 m above its reference, from 3.00 to 5.00 s'),
     ((0.0,) + (0.9,) * 5, (0.0,) * 6, (GROUND,) * 6, ''),
+    ((0.0,) * 6, UP, (GROUND,) * 6,  # whose phase was forgotten
+     'the reference was up to 1.00 m above the vehicle on the floor, from 1.00 to 5.00 s, in phase '
+     'GROUND or LANDED, in which the motors stand still: to fly, its phase must be TAKEOFF, TRACK '
+     'or LANDING'),
+    ((0.0, 0.5, 1.0, 0.0, 0.0, -0.5), UP, (GROUND, TAKEOFF, TRACK, LANDED, LANDED, LANDED),
+     'the reference was up to 1.00 m above the vehicle on the floor, from 3.00 to 5.00 s, in phase '
+     'GROUND or LANDED, in which the motors stand still: to fly, its phase must be TAKEOFF, TRACK '
+     'or LANDING'),
+    ((0.0, 0.5, 0.0, 0.0, 0.0, 0.0), UP, (GROUND, TAKEOFF, TRACK, TRACK, LANDED, LANDED),
+     'the vehicle was on the floor from 2.00 to 5.00 s, up to 1.00 m below its reference'),
+    ((0.0, 0.5, 0.0, -0.4, -0.4, -0.4), (0.0, 0.5, 0.1, 0.0, 0.0, 0.0),  # the floor falls there
+     (GROUND, TAKEOFF, LANDING, LANDED, LANDED, LANDED), ''),
+    ((0.9,) * 6, (1.0,) * 6, (GROUND,) * 6, ''),  # on a table, or in a hand
     ((np.nan,) * 6, UP, FLIGHT, '')])
 def test_who_lies_below_a_flying_reference_is_named(height, wanted, phase, said):
     assert height_fault(T, *map(np.array, (height, wanted, phase))) == said
