@@ -9,7 +9,7 @@ from typing import Any
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag
 from mambo_estimation.capture.report import longest
-from mambo_model.motion.height_check import flight_fault, over_in_the_air
+from mambo_model.motion.height_check import flight_fault, idle_fault, over_in_the_air
 from mambo_model.motion.trajectory import in_flight, LANDED
 from mambo_model.script import python
 from mambo_signals.resample import Ints
@@ -70,6 +70,19 @@ def _flight_fault(bag: Bag, ended: bool) -> str:
         reference.phase[asked], _turning(bag, reference.stamp[asked]), floor, ended)
 
 
+def _idle_fault(bag: Bag) -> str:
+    """Return for how long a simulated vehicle's motors turned while none were asked for, or ''."""
+    if any(name not in bag or not len(bag[name])
+           for name in ('ground_truth/odom', 'motor_pwm', 'reference')):
+        return ''
+    motors, reference = bag['motor_pwm'], bag['reference']
+    order = np.argsort(motors.stamp, kind='stable')
+    newest = _newest(reference.stamp, motors.stamp[order])
+    follows = ~motors['shutdown'].astype(bool) & (motors['reason'] == 0)
+    turning = (follows & (motors.pwm > 0.0).any(axis=1))[order] & (newest >= 0)
+    return idle_fault(motors.t[order], reference.phase[newest], turning)
+
+
 def _had_landed(bag: Bag, t: float) -> bool:
     """Return whether the reference had landed at a time in s."""
     if 'reference' not in bag:
@@ -84,9 +97,15 @@ def _turning(bag: Bag, stamps: Ints) -> NDArray[np.bool_]:
     if 'motor_pwm' not in bag or not len(bag['motor_pwm']):
         return np.zeros(len(stamps), bool)
     motors = bag['motor_pwm']
-    order = np.argsort(motors.stamp, kind='stable')
-    newest = np.searchsorted(motors.stamp[order], stamps, 'right') - 1
-    return (newest >= 0) & (motors.pwm > 0.0).any(axis=1)[order[newest]]
+    newest = _newest(motors.stamp, stamps)
+    return (newest >= 0) & (motors.pwm > 0.0).any(axis=1)[newest]
+
+
+def _newest(stamps: Ints, at: Ints) -> Ints:
+    """Return the rows with the newest of some stamps at these times; -1 where there is none."""
+    order = np.argsort(stamps, kind='stable')
+    found = np.searchsorted(stamps[order], at, 'right') - 1
+    return np.where(found >= 0, order[found], -1)
 
 
 def _shut_down(bag: Bag) -> str:
@@ -168,7 +187,8 @@ def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
     -------
     Lines: a failsafe that ended the flight before its landing, and motors stopped by their
     watchdog; without either, motors that a controller shut down in flight; a vehicle that was far
-    from its reference or fell; less flown than the scenario in the bag asks for.
+    from its reference or fell; motors that turned while the reference asked for none; less flown
+    than the scenario in the bag asks for.
 
     """
     lines, first = [], set()
@@ -181,7 +201,7 @@ def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
             lines.append(f'{status.name} at {t:.3f} s: {status.message}')
     if not carried:
         lines += [] if lines else filter(None, [_shut_down(bag)])
-        lines += filter(None, [_flight_fault(bag, bool(lines))])
+        lines += filter(None, [_flight_fault(bag, bool(lines)), _idle_fault(bag)])
     clock = next((name for name in ('/clock', 'clock') if name in bag), None)
     planned = _planned(bag)
     if clock and planned and not is_told:

@@ -15,16 +15,19 @@ ZERO, LEVEL = (0.0,) * 3, (1.0, 0.0, 0.0, 0.0)
 HIGH = Reference((0.0, 0.0, -1.0), ZERO, ZERO, ZERO, ZERO, LEVEL, ZERO, ZERO, 1.0, ZERO)
 DOWN = HIGH._replace(rho=ZERO)
 LINE = 'motors shut down: estimator not aligned'
+IDLE = ('the motors turned for 1.00 s while the phase of the reference was GROUND or LANDED, in '
+        'which they must stand still, longest from 2.00 to 3.00 s: the controller must answer '
+        'these phases with PWM 0')
 
 
 def bag(path, name, level, hand=False, seconds=3, motors=False, height=None, down=False,
-        commanded=False, landed=False, lost=(), first=1, line=(LINE,) * 3):
+        commanded=False, landed=False, lost=(), first=1, line=(LINE,) * 3, reason=0):
     """
     Return a bag of so many s of a flight of 3 s, in which a node says a line each second.
 
     With a height in m, or one for each second, the vehicle is there, and its reference 1 m high,
-    from 1 s on; the reference has landed from 2 s on, on the floor, if it does. Motor commands are lost at some
-    seconds. The lines begin at the first second that is given.
+    from 1 s on; the reference has landed from 2 s on, on the floor, if it does. Motor commands
+    are lost at some seconds. The lines begin at the first second that is given.
     """
     heights = height if isinstance(height, tuple) else (height,) * seconds
     scenario = {'/mambo/sim_node': {'ros__parameters': {
@@ -42,7 +45,7 @@ def bag(path, name, level, hand=False, seconds=3, motors=False, height=None, dow
         writer.write('/clock', messages.clock(t), t)
         if second not in lost:
             writer.write('/mambo/motor_pwm', messages.motor_pwm(
-                t, (200.0 if motors else 0.0,) * 4, down and second == 2, 0), t)
+                t, (200.0 if motors else 0.0,) * 4, down and second == 2, reason), t)
         if second and height is not None:
             writer.write('/mambo/reference', messages.reference(
                 t, *((DOWN, LANDED) if landed and second >= 2 else (HIGH, TRACK))), t)
@@ -148,8 +151,10 @@ def test_motors_that_stop_above_the_floor_after_the_landing_are_told(tmp_path):
     fell = ['the motors stopped at 2.00 s, as the reference had landed, with the vehicle 0.80 m '
             'above the floor: it fell from there']
     for name, given, said in (
-            ('stop', {}, fell), ('turn', {'motors': True}, []),
+            ('stop', {}, fell), ('turn', {'motors': True}, [IDLE]),
             ('gap', {'motors': True, 'lost': (2,)}, []),  # the former command holds
+            ('failsafe', {'motors': True, 'reason': 3}, []),  # which follows no phase
+            ('carried', {'motors': True, 'hand': True}, []),
             ('none', {'lost': range(4)}, fell), ('low', {'height': 0.1}, [])):
         one = bag(tmp_path / name, 'sim_node', diagnostics.OK, landed=True,
                   **{'height': 0.8} | given)

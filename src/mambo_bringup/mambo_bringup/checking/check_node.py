@@ -10,7 +10,7 @@ from typing import Any
 from mambo_control.controller_node import ControllerNode
 from mambo_control.reference_node import ReferenceNode
 from mambo_estimation.estimator_node import EstimatorNode
-from mambo_ros import process
+from mambo_ros import process, topics
 from mambo_ros.loop import Loop
 from mambo_sim.optitrack_node import OptitrackNode
 from mambo_sim.sim_node import SimNode
@@ -19,6 +19,7 @@ from rclpy.serialization import deserialize_message
 
 from . import ends, stand
 from .contract import BY_TOPIC
+from .idle import Idle
 from .transcript import FOUND, READY, TIMES, Transcript
 
 _NODES = {'optitrack': OptitrackNode, 'estimator': EstimatorNode, 'reference': ReferenceNode,
@@ -35,9 +36,14 @@ class CheckNode(SimNode):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
         names = [name.strip() for name in self.params.wait_for_publishers.split(',')]
+        self.idle: Idle | None = None  # of a controller
         self.transcripts = [Transcript(BY_TOPIC[name]) for name in names if name]
         for one in self.transcripts:
             self.subscribe(one.contract.answer, self._listener(one))
+            if one.contract.answer is topics.MOTOR_PWM:
+                self.idle = Idle(one)
+                self.subscribe(topics.MOTOR_PWM, self.idle.hear_command)
+                self.subscribe(topics.REFERENCE, self.idle.hear_reference)
 
     def _listener(self, one: Transcript) -> Any:
         """Return what takes the messages of a checked node."""
@@ -77,6 +83,8 @@ def check(patience: float, sim: CheckNode, loop: Loop) -> int:
             stand.note_refusals(
                 loop.nodes, one, sim.resolve_topic_name(one.contract.answer.name))
             ends.check_sim_time(sim, loop, one)
+        if sim.idle is not None:
+            sim.idle.judge()
     for one in sim.transcripts:
         _tell(one)
     print(READY, flush=True)

@@ -18,10 +18,16 @@ from .transcript import STEP, Transcript
 BACKLOG = 100        # steps at once; for all but the controller
 BACKLOG_PATIENT = 15  # the in-loop controller takes an input for missing after 20
 _GROUND = 40         # steps before that
-TIMES = {'takeoff_time': 0.8, 'climb_duration': 1.0, 'start_time': 1.8, 'height': 0.8}
-"""Of the flight plan, s and m: take-off after the backlog, hover after the steps in lockstep."""
+TIMES = {'takeoff_time': 0.8, 'climb_duration': 1.0, 'start_time': 1.8, 'blend_duration': 0.5,
+         'landing_time': 3.5, 'height': 0.8}
+"""
+Of the flight plan, s and m: take-off after the backlog, hover after the steps in lockstep, landing
+after those in real time, which end at 3.4 s at the latest.
+"""
 _FLIGHT = 260        # steps in lockstep, until the vehicle hovers
 _PACED = 200         # steps in real time
+_LANDED = TIMES['landing_time'] + TIMES['blend_duration'] + TIMES['climb_duration'] + 0.1
+"""Time at which the reference has landed and rested for some steps, s."""
 _HOLD = 0.15         # s of wall time for which an input is held back
 _PAUSE = 0.4         # s of wall time for which nothing happens
 _AFTER = 20          # steps after what was tried
@@ -70,6 +76,8 @@ class Stand:
         for one in self.transcripts:
             self._miss(one)
         self._pace()
+        if self.sim.idle is not None:
+            self.steps(round((_LANDED - self.sim.t * 1e-9) / STEP))
 
     @property
     def dead(self) -> bool:

@@ -20,8 +20,9 @@ LATE = 0.5             # s of wall time: the motors' watchdog
 RULES = (
     'publishes', 'type', 'qos', 'one publisher', 'subscribes', 'start', 'answers', 'stamps',
     'order', 'values', 'frames', 'ready', 'backlog', 'no timers', 'missing input', 'use_sim_time',
-    'accepted', 'real time')
+    'accepted', 'motors off', 'real time')
 _OF_STEPS = ('ready', 'backlog', 'real time')  # not of who has a rate of its own
+_OF_MOTORS = ('motors off',)  # of who commands them alone
 _DAY = 86_400_000_000_000  # ns
 
 
@@ -103,7 +104,8 @@ class Transcript:
         if self.asked:
             found |= dict(self._of_messages())
         for rule in RULES:
-            if not (self.contract.own_rate and rule in _OF_STEPS):
+            if not (self.contract.own_rate and rule in _OF_STEPS) and not (
+                    rule in _OF_MOTORS and self.contract.node != 'controller'):
                 yield Finding(self.contract.node, rule, *found[rule])
 
     def _of_messages(self) -> Iterator[tuple[str, tuple[str, str]]]:

@@ -1,4 +1,7 @@
-"""Whether a vehicle lay on the floor below its reference, was far from it, or fell."""
+"""
+Whether a vehicle lay on the floor below its reference, was far from it, fell, or turned its motors
+while none were asked for.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +21,8 @@ FAR = 5.0  # m, distance at which a vehicle does not follow its reference: horiz
 HIGH = 1.0  # m, the same above a reference on the floor, which may slope
 DROP = 0.15  # m above the floor, from which a vehicle falls with 1.7 m/s (judgement)
 HARD = 2.0  # m/s, vertical speed at which a vehicle hits the floor, a fall of 0.2 m (judgement)
+IDLE = 0.5  # s, for which a motor command holds at most, by the watchdog: so long motors may turn
+#             on in a phase that asks for none, as a phase may be late in real time
 AWAY = 2.0  # s, so long it needs for a leap of 10 m with an acceleration of 1 g (judgement)
 
 
@@ -172,6 +177,32 @@ def landing_fault(
     k = int(high[np.argmax(height[high])])
     return (f'the motors stopped at {t[k]:.2f} s, as the reference had landed, with the vehicle '
             f'{height[k]:.2f} m above the floor: it fell from there')
+
+
+def idle_fault(
+    t: NDArray[np.float64], phase: NDArray[np.int64], turning: NDArray[np.bool_],
+) -> str:
+    """
+    Return for how long motors turned in the phases GROUND and LANDED, which ask for none, or ''.
+
+    Parameters
+    ----------
+    t : (n,) s
+        Times of the motor commands.
+    phase : (n,)
+        Of the reference at these times, GROUND ... LANDED.
+    turning : (n,)
+        Whether motors turn because the controller follows its reference; a failsafe does not.
+
+    """
+    idle = turning & ~python(in_flight)(phase)
+    if (found := _longest(t, idle, IDLE)) is None:
+        return ''
+    begin, end, _ = found
+    total = float(np.diff(t)[idle[:-1] & idle[1:]].sum())
+    return (f'the motors turned for {total:.2f} s while the phase of the reference was GROUND or '
+            f'LANDED, in which they must stand still, longest from {begin:.2f} to {end:.2f} s: '
+            'the controller must answer these phases with PWM 0')
 
 
 def flight_fault(

@@ -1,8 +1,8 @@
 """A vehicle that lies on the floor while its reference flies has not flown as asked."""
 
 from mambo_model.motion.height_check import (
-    ABOVE, distance_fault, flight_fault, height_fault, hits_floor, landing_fault, LONG, LOW,
-    over_in_the_air)
+    ABOVE, distance_fault, flight_fault, height_fault, hits_floor, IDLE, idle_fault, landing_fault,
+    LONG, LOW, over_in_the_air)
 from mambo_model.motion.trajectory import GROUND, LANDED, LANDING, TAKEOFF, TRACK
 import numpy as np
 import pytest
@@ -47,13 +47,13 @@ LANDED_FLIGHT = (GROUND, TRACK, LANDING, LANDED, LANDED, LANDED)
      'the vehicle was up to 32.00 m above its reference, from 3.00 to 5.00 s'),
     ((0.0,) + (0.9,) * 5, (0.0,) * 6, (GROUND,) * 6, ''),
     ((0.0,) * 6, UP, (GROUND,) * 6,  # whose phase was forgotten
-     'the reference was up to 1.00 m above the vehicle on the floor, from 1.00 to 5.00 s, in phase '
-     'GROUND or LANDED, in which the motors stand still: to fly, its phase must be TAKEOFF, TRACK '
-     'or LANDING'),
+     'the reference was up to 1.00 m above the vehicle on the floor, from 1.00 to 5.00 s, in '
+     'phase GROUND or LANDED, in which the motors stand still: to fly, its phase must be TAKEOFF, '
+     'TRACK or LANDING'),
     ((0.0, 0.5, 1.0, 0.0, 0.0, -0.5), UP, (GROUND, TAKEOFF, TRACK, LANDED, LANDED, LANDED),
-     'the reference was up to 1.00 m above the vehicle on the floor, from 3.00 to 5.00 s, in phase '
-     'GROUND or LANDED, in which the motors stand still: to fly, its phase must be TAKEOFF, TRACK '
-     'or LANDING'),
+     'the reference was up to 1.00 m above the vehicle on the floor, from 3.00 to 5.00 s, in '
+     'phase GROUND or LANDED, in which the motors stand still: to fly, its phase must be TAKEOFF, '
+     'TRACK or LANDING'),
     ((0.0, 0.5, 0.0, 0.0, 0.0, 0.0), UP, (GROUND, TAKEOFF, TRACK, TRACK, LANDED, LANDED),
      'the vehicle was on the floor from 2.00 to 5.00 s, up to 1.00 m below its reference'),
     ((0.0, 0.5, 0.0, -0.4, -0.4, -0.4), (0.0, 0.5, 0.1, 0.0, 0.0, 0.0),  # the floor falls there
@@ -124,6 +124,25 @@ def test_a_vehicle_whose_motors_stop_above_the_floor_after_its_landing_is_named(
     assert landing_fault(T, *map(np.array, (height, phase, turning))) == (at and (
         f'the motors stopped at {at[0]:.2f} s, as the reference had landed, with the vehicle '
         f'{at[1]:.2f} m above the floor: it fell from there') or '')
+
+
+@pytest.mark.parametrize(('phase', 'first', 'last', 'said'), [
+    (GROUND, 0.0, 1.5, (1.5, 0.0, 1.5)), (LANDED, 2.0, 2.75, (0.75, 2.0, 2.75)),
+    (LANDED, 1.0, 1.0 + IDLE - 0.125, None), (TRACK, 0.0, 3.0, None)])
+def test_motors_that_turn_while_none_are_asked_for_are_named(phase, first, last, said):
+    t = np.arange(25) * 0.125
+    turning = (t >= first) & (t <= last)
+    assert idle_fault(t, np.full(25, phase), turning) == ('' if said is None else (
+        f'the motors turned for {said[0]:.2f} s while the phase of the reference was GROUND or '
+        f'LANDED, in which they must stand still, longest from {said[1]:.2f} to {said[2]:.2f} s: '
+        'the controller must answer these phases with PWM 0'))
+
+
+def test_all_the_time_that_motors_turn_without_need_is_told():
+    t = np.arange(49) * 0.125
+    phase = np.where(t < 1.0, GROUND, np.where(t < 4.0, TRACK, LANDED))
+    said = idle_fault(t, phase, np.ones(49, bool))
+    assert 'for 2.88 s' in said and 'longest from 4.00 to 6.00 s' in said
 
 
 @pytest.mark.parametrize(('speed', 'told'), [(1.9, False), (2.1, True), (4.2, True)])
