@@ -12,7 +12,8 @@ import os
 from pathlib import Path
 import signal
 
-from mambo_analysis.compare.ending import ended_early, ended_in_the_air, ENDINGS
+from mambo_analysis.compare.ending import (
+    ended_early, ended_in_the_air, ENDINGS, landed_by_itself)
 from mambo_bags.cli.option_types import real, whole
 from mambo_bags.command import guard, Parser, program
 from mambo_bags.reader import read_bag
@@ -318,7 +319,8 @@ def _print_outcome(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:
         recording = read_bag(bag, ENDINGS)
         recording.leave_out_unreadable()
         reasons += [] if outcome.stopped else ended_early(recording, bool(reasons))
-        lines = [*reasons, *(f'note: {note}' for note in ended_in_the_air(recording))]
+        notes = [*landed_by_itself(recording), *ended_in_the_air(recording)]
+        lines = [*reasons, *(f'note: {note}' for note in notes)]
         print(*lines, sep='\n', end='\n' if lines else '')
         return reasons
     page, reasons = report(bag, outcome.real_time_factor, reasons, bool(outcome.stopped))

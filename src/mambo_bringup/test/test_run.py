@@ -304,9 +304,10 @@ def test_without_a_report_the_note_of_a_flight_that_is_over_in_the_air_is_printe
     monkeypatch.setattr(command, 'read_bag', lambda path, _: Bag(path))
     monkeypatch.setattr(command, 'ended_early', lambda *_: [])
     monkeypatch.setattr(command, 'ended_in_the_air', lambda bag: [f'over: {bag.path.name}'])
+    monkeypatch.setattr(command, 'landed_by_itself', lambda bag: ['alone'])
     outcome = Outcome(tmp_path, 18.0, 1.0, 0, '', None, {}, {}, True, whole=True)
     assert command._print_outcome(outcome, tmp_path, no_report=True) == []
-    assert capsys.readouterr().out.endswith(f'\nnote: over: {tmp_path.name}\n')
+    assert capsys.readouterr().out.endswith(f'\nnote: alone\nnote: over: {tmp_path.name}\n')
 
 
 def test_commands_of_the_scenario_that_were_refused_are_a_reason_and_a_failure(

@@ -91,8 +91,7 @@ class ReferenceNode(node.MamboNode[ReferenceNodeParams]):
         odom = self.wire.frame(topics.SETPOINT, messages.ODOM)
 
         def on_setpoint(t: int, ref: Reference, _: str) -> None:
-            if reason := setpoints.take(t, ref):
-                guard.refused[reason] += 1
+            guard.refused.update(setpoints.take(t, ref))
 
         guard = self.accept(topics.SETPOINT, messages.decode_setpoint, on_setpoint, now=clock,
                             ahead=_AHEAD, check=partial(_check_setpoint, odom))

@@ -30,7 +30,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from . import pair, tables
-from .ending import ended_early, ended_in_the_air, refused_messages, without_poses
+from .ending import (
+    ended_early, ended_in_the_air, landed_by_itself, refused_messages, without_poses)
 from .events import parameters
 from .pair import Alignment, Comparison, Quantity
 from .tables import table
@@ -165,9 +166,9 @@ def _factor(bag: Bag) -> float | None:
 
 def _doubts(bag: Bag) -> list[str]:
     """Return what a reader must know about the messages of a bag, one line each."""
-    return [*bag.notes, *refused_messages(bag), *without_poses(bag), *ended_in_the_air(bag),
-            *stamps.doubtful(bag), *damaged.not_finite(bag), *stamps.repeated(bag, motion.MOTIONS),
-            *height_check.of_bag(bag)]
+    return [*bag.notes, *refused_messages(bag), *without_poses(bag), *landed_by_itself(bag),
+            *ended_in_the_air(bag), *stamps.doubtful(bag), *damaged.not_finite(bag),
+            *stamps.repeated(bag, motion.MOTIONS), *height_check.of_bag(bag)]
 
 
 def compare(bag: Bag) -> dict[str, Any]:

@@ -10,7 +10,8 @@ from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag
 from mambo_estimation.capture.report import longest
 from mambo_model.motion.height_check import flight_fault, idle_fault, over_in_the_air
-from mambo_model.motion.trajectory import in_flight, LANDED
+from mambo_model.motion.flight_command import SETPOINT
+from mambo_model.motion.trajectory import in_flight, LANDED, LANDING
 from mambo_model.script import python
 from mambo_signals.resample import Ints
 import numpy as np
@@ -18,7 +19,8 @@ from numpy.typing import NDArray
 
 REPORTS = ('/diagnostics', 'diagnostics')
 """Topics of diagnostic reports."""
-ENDINGS = ('/clock', 'clock', *REPORTS, 'reference', 'ground_truth/odom', 'motor_pwm')
+ENDINGS = ('/clock', 'clock', *REPORTS, 'reference', 'ground_truth/odom', 'motor_pwm',
+           'command')
 """Topics that show how a flight ended."""
 _STEP = 0.005  # s
 _ERROR = 2
@@ -170,6 +172,24 @@ def ended_in_the_air(bag: Bag) -> list[str]:
         float(bag['ground_truth/odom'].position[-1, 2]),
         bool((bag['motor_pwm'].pwm[-1] > 0.0).any()))
     return [said] if said else []
+
+
+def landed_by_itself(bag: Bag) -> list[str]:
+    """Return a line about a landing that began as no setpoint was followed any more."""
+    if any(name not in bag or not len(bag[name])
+           for name in ('command', 'reference', 'motor_pwm')):
+        return []
+    commands, reference, motors = bag['command'], bag['reference'], bag['motor_pwm']
+    down = np.flatnonzero(np.diff(reference.phase == LANDING, prepend=False))
+    down = down[reference.phase[down] == LANDING]  # where a landing begins
+    newest = _newest(commands.stamp, reference.stamp[down])
+    motor = _newest(motors.stamp, reference.stamp[down])
+    flown = ~motors['shutdown'].astype(bool)[motor] & (motors['reason'][motor] == 0)
+    alone = np.flatnonzero((newest >= 0) & (commands['kind'][newest] == SETPOINT) & flown)
+    return [f'no setpoint was followed after t = {commands.t[newest[k]]:.2f} s: the vehicle '
+            f'stopped and hovered, and from t = {reference.t[down[k]]:.2f} s on it landed by '
+            'itself'
+            for k in alone[:1]]
 
 
 def ended_early(bag: Bag, is_told: bool = False) -> list[str]:

@@ -1,12 +1,15 @@
 """What ends a flight before its time is a line; a hand that carries the vehicle ends nothing."""
 
-from mambo_analysis.compare.ending import ended_early, ended_in_the_air, without_poses
+from mambo_analysis.compare.ending import (
+    ended_early, ended_in_the_air, landed_by_itself, without_poses)
 from mambo_bags.reader import read_bag
 from mambo_bags.writer import BagWriter
+from mambo_model.motion import flight_command as fc
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.rigid_body import State
-from mambo_model.motion.trajectory import LANDED, TRACK
+from mambo_model.motion.trajectory import LANDED, LANDING, TRACK
 from mambo_ros import diagnostics, messages
+from mambo_ros.commands.command_message import encode
 import pytest
 import yaml
 
@@ -172,3 +175,26 @@ def test_a_commanded_flight_that_is_over_in_the_air_is_told(tmp_path, commanded)
                         ('none', {'motors': True})):
         assert ended_in_the_air(bag(
             tmp_path / name, 'sim_node', diagnostics.OK, commanded=commanded, **given)) == []
+
+
+@pytest.mark.parametrize(('kinds', 'reason', 'told'), [
+    ((fc.TAKEOFF, fc.SETPOINT), 0, True), ((fc.TAKEOFF, fc.SETPOINT, fc.LAND), 0, False),
+    ((fc.TAKEOFF, fc.VELOCITY), 0, False), ((), 0, False),
+    ((fc.TAKEOFF, fc.SETPOINT), 3, False)])  # the failsafe flies, and tells that itself
+def test_a_landing_that_no_command_asked_for_is_told(tmp_path, kinds, reason, told):
+    writer = BagWriter(tmp_path / 'bag')
+    for topic, name in (('command', 'Command'), ('reference', 'Reference'),
+                        ('motor_pwm', 'MotorPwm')):
+        writer.add_topic(f'/mambo/{topic}', f'mambo_interfaces/msg/{name}')
+    for second, kind in enumerate(kinds):
+        t = second * SECOND
+        writer.write('/mambo/command', encode(fc.FlightCommand(t, kind)), t)
+    for second in range(8):
+        t = second * SECOND
+        writer.write('/mambo/motor_pwm', messages.motor_pwm(t, (200.0,) * 4, False, reason), t)
+        writer.write('/mambo/reference', messages.reference(
+            t, HIGH, TRACK if second < 6 else LANDING), t)
+    writer.close()
+    assert landed_by_itself(read_bag(tmp_path / 'bag')) == [
+        'no setpoint was followed after t = 1.00 s: the vehicle stopped and hovered, and from '
+        't = 6.00 s on it landed by itself'] * told

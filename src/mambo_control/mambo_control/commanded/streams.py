@@ -26,6 +26,7 @@ from .maneuvers import extrapolated
 from .timeline import state_of
 
 REST = 200_000_000  # ns of flight time after a refusal
+LATE = 2  # setpoints in a row that may be old: the last of a stream and the first of the next one
 Give = Callable[[FlightCommand], str]  # carries a command out; returns why it was refused
 
 
@@ -139,8 +140,11 @@ class Setpoints:
         self._due, self._last = 0, -self._timeout  # ns; of the newest message
         self._followed = False  # whether the vehicle follows, or did until another command came
         self._first = ''  # refusal of a setpoint that no other command was in the way of
+        self._old, self._told = 0, 0  # old setpoints in a row, and how many of them are told
+        self._old_from = 0  # ns, when the first of them came
+        self._stale = ''  # refusal of an old setpoint
 
-    def take(self, t: int, ref: Reference) -> str:
+    def take(self, t: int, ref: Reference) -> dict[str, int]:
         """
         Give the command of a reference of the time t in ns, if one is due and it is not old.
 
@@ -148,8 +152,10 @@ class Setpoints:
 
         Returns
         -------
-        When and why the first setpoint was not followed, if this one is not either, though the
-        vehicle flies and no other command is in the way; else ''.
+        How many setpoints more are not followed, though the vehicle flies and no other command is
+        in the way, by when and why the first one was not. Old setpoints count once they have come
+        for the time after which the vehicle stops: a publisher that ends or that was late for a
+        moment leaves some behind.
 
         """
         now = self._commander.next_step
@@ -157,8 +163,13 @@ class Setpoints:
         if paused:
             self._followed = False
         interrupted = self._followed and not self._commander.timeline.streamed
-        if interrupted or now < self._due or now - t > self._timeout:
-            return ''
+        if interrupted:
+            return {}
+        if now - t > self._timeout:
+            return self._count_old(now, t) if self._commander.is_free(now) else {}
+        self._old = self._told = 0
+        if now < self._due:
+            return {}
         wanted = np.zeros((4, 5))
         for order, vector in enumerate((ref.rho, ref.v, ref.a, ref.j, ref.s)):
             wanted[:3, order] = vector
@@ -171,10 +182,22 @@ class Setpoints:
         self._followed = self._followed or not reason
         self._due = now + (REST if reason else self._period)
         if not (reason and free):
-            return ''
+            return {}
         self._first = self._first or (
             f'not followed, the first at t = {now * 1e-9:.3f} s: {reason}')
-        return self._first
+        return {self._first: 1}
+
+    def _count_old(self, now: int, t: int) -> dict[str, int]:
+        """Count one more old setpoint in a row; return what :meth:`take` does."""
+        self._old_from, age = (self._old_from if self._old else now), (now - t) * 1e-9
+        self._old += 1
+        if self._old <= LATE or now - self._old_from <= self._timeout:
+            return {}
+        self._stale = self._stale or (
+            f'not followed, the first at t = {self._old_from * 1e-9:.3f} s: stamped '
+            f'{age:.3f} s before, limit {self._timeout * 1e-9:g} s: take the time of /clock')
+        more, self._told = self._old - self._told, self._old
+        return {self._stale: more}
 
 
 def rehearse(params: CommandParams, vehicle: Vehicle) -> None:

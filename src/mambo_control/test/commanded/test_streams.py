@@ -1,5 +1,6 @@
 """Joystick and setpoints: what becomes a command, what is left out, and what stops them."""
 
+from collections import Counter
 import math
 
 from mambo_control.commanded.command_params import CommandParams, JoystickParams
@@ -163,11 +164,44 @@ def test_old_setpoints_are_left_out_and_far_ones_refused_for_a_moment(flight):
         said.append(setpoints.take(flight.at, far))
         flight.go(0.01)
     assert len(flight.given) == 1 and 'leaves the volume' in flight.given[0][1]
-    assert said[0] == (f'not followed, the first at t = {begin * 1e-9:.3f} s: '
-                       f'{flight.given[0][1]}')
-    assert said[1:] == [''] * 19
+    assert said[0] == {f'not followed, the first at t = {begin * 1e-9:.3f} s: '
+                       f'{flight.given[0][1]}': 1}
+    assert said[1:] == [{}] * 19
     flight.go(0.2)
     assert setpoints.take(flight.at, far._replace(rho=(0.0, 50.0, -1.2))) == said[0]
+
+
+def old_ones(flight, setpoints, count, age, every=0.02):
+    """Give setpoints of an age in s; return what is told of them, added up."""
+    ref, told = reference(0.0, trajectory='hover')._replace(rho=(0.0, 0.0, -1.25)), Counter()
+    for _ in range(count):
+        told.update(setpoints.take(flight.at - round(age * 1e9), ref))
+        flight.go(every)
+    return told
+
+
+def test_setpoints_that_stay_old_are_told_with_their_number(flight):
+    setpoints, begin = Setpoints(flight.commander, P, flight.give), flight.commander.next_step
+    told = old_ones(flight, setpoints, 40, 0.6)
+    assert told == {f'not followed, the first at t = {begin * 1e-9:.3f} s: stamped 0.605 s '
+                    'before, limit 0.5 s: take the time of /clock': 40}
+    assert not flight.given
+    assert list((told + old_ones(flight, setpoints, 5, 0.6)).values()) == [45]  # of one reason
+
+
+@pytest.mark.parametrize(('count', 'every'), [(1, 0.02), (2, 3.0), (25, 0.005)])
+def test_the_last_setpoints_of_a_stream_or_some_late_ones_are_not_told(flight, count, every):
+    setpoints = Setpoints(flight.commander, P, flight.give)
+    assert not old_ones(flight, setpoints, 3, 0.0)
+    assert not old_ones(flight, setpoints, count, 0.6, every)
+    assert not old_ones(flight, setpoints, 3, 0.0)  # and begins anew
+    assert not old_ones(flight, setpoints, count, 0.6, every)
+
+
+def test_old_setpoints_are_not_told_while_another_command_is_in_the_way(flight):
+    setpoints = Setpoints(flight.commander, P, flight.give)
+    flight.give(FlightCommand(0, fc.LAND))
+    assert not old_ones(flight, setpoints, 100, 0.6)
 
 
 def test_a_setpoint_that_another_command_is_in_the_way_of_is_not_told(flight):
