@@ -151,7 +151,8 @@ class Flight(Maker):
             self.write('reference', ns, position=self.Vector3(*(p - factor * np.array(TRACKING))),
                        attitude=self.Quaternion(0, 0, 0, 1), phase=phase(t))
         if self.there('motor_pwm'):
-            self.write('motor_pwm', ns, pwm=247.0 + 20.0 * np.sin(t + np.arange(4)))
+            self.write('motor_pwm', ns, pwm=(1 <= phase(t) <= 3) * (
+                247.0 + 20.0 * np.sin(t + np.arange(4))))
         while self.frame * FRAME <= ns:
             exposure = self.frame * FRAME
             if self.there('optitrack/pose'):

@@ -9,8 +9,8 @@ from typing import Any
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag
 from mambo_estimation.capture.report import longest
-from mambo_model.motion.height_check import flight_fault, idle_fault, over_in_the_air
 from mambo_model.motion.flight_command import SETPOINT
+from mambo_model.motion.height_check import flight_fault, idle_fault, over_in_the_air
 from mambo_model.motion.trajectory import in_flight, LANDED, LANDING
 from mambo_model.script import python
 from mambo_signals.resample import Ints
