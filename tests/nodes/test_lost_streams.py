@@ -1,5 +1,6 @@
 """A controller or a vehicle that hears nothing more: nodes in this process, without a graph."""
 
+import logging
 import math
 import time
 from types import SimpleNamespace
@@ -440,7 +441,8 @@ class TestPace:
             sim = SimpleNamespace(
                 sensed=sensed, answered=False, missed=0, late=0, params=SimpleNamespace(speed=1.0),
                 now=sensed, watch=lambda now, speed: None, starved=-1,
-                delays=SimpleNamespace(count=1))
+                t=0, delays=SimpleNamespace(count=1), start=lambda away: None,
+                get_logger=logging.getLogger)
 
             def once(timeout):
                 nonlocal stalled
@@ -451,7 +453,8 @@ class TestPace:
                 sim.now = min(after, answer) if sim.now < answer else after
                 sim.answered = sim.now >= answer
             monkeypatch.setattr(lockstep.time, 'monotonic', lambda: sim.now)
-            lockstep.wait_for_deadline(sim, SimpleNamespace(stopping=False, once=once), deadline)
+            loop = SimpleNamespace(stopping=False, once=once)
+            lockstep.wait_for_deadline(sim, loop, deadline, sensed)
             return sim.now, sim.missed
         return step
 

@@ -26,9 +26,9 @@ CRASHED = METRICS | {'shutdown': True, 'shutdown_time': 2.5, 'shutdown_reason': 
 
 
 def recording(seconds, inner=True, phase=trajectory.GROUND):
-    """Return what a flight on the floor records; its reference is 1.5 m high from half on."""
+    """Return what a flight on the floor records; its reference flies 1.5 m high from half on."""
     reference = np.zeros((3, 13))
-    reference[1:, 2] = -1.5
+    reference[1:, 2] = -1.5 * trajectory.in_flight(phase)
     return SimpleNamespace(inner=inner, located=None,
                            t=np.array([0, 500_000_000, 1_000_000_000]) * seconds,
                            truth=np.zeros((3, 13)), reference=reference, pwm=np.zeros((3, 4)),

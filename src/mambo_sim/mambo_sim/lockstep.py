@@ -18,6 +18,7 @@ _ASK_AGAIN = 5.0  # s of wall time between log lines that name the missing motor
 MOST_STEPS = 1_000_000  # of one request, while paused
 SILENT = 200  # steps without any motor command, after which none is waited for
 BEHIND = 0.01  # s of wall time by which a step may end late to get its motor command (judgement)
+NOT_RUN = 0.1  # s between looks at the wall clock that only a stopped process takes (judgement)
 LATE = 0.05  # [-] of the wall time that a flight in real time takes longer than asked for
 
 
@@ -157,9 +158,13 @@ def wait_for_answer(sim: Any, loop: Any) -> bool:
     return True
 
 
-def wait_for_deadline(sim: Any, loop: Any, deadline: float) -> None:
+def wait_for_deadline(sim: Any, loop: Any, deadline: float, looked: float) -> float:
     """
     Serve the graph until the wall clock reaches the next step (real time).
+
+    Returns the wall time in s in which this process did not run since the step before, which ended
+    at ``looked``, as it or the machine was suspended. It does not count as time without a command,
+    and nothing makes up for it: thousands of steps in a row would fill the queues of other nodes.
 
     A motor command that is late is awaited until the flight is ``BEHIND`` the wall clock: machines
     stop one or all of their processors for milliseconds. The delay is made up for by the next
@@ -170,6 +175,8 @@ def wait_for_deadline(sim: Any, loop: Any, deadline: float) -> None:
     None is awaited where no controller has answered for the first ``SILENT`` steps, or where the
     motors were stopped for lack of commands.
     """
+    away = _away(sim, looked)
+    deadline += away
     overdue, due = deadline, max(deadline, sim.sensed + STEP_NS * 1e-9 / sim.params.speed)
     if sim.starved < 0 and (sim.delays.count or sim.missed < SILENT):
         overdue = max(deadline + BEHIND, due)
@@ -182,9 +189,22 @@ def wait_for_deadline(sim: Any, loop: Any, deadline: float) -> None:
         sim.late += awaited and sim.answered and time.monotonic() > due
     if not sim.answered:
         loop.once(0.0)
+    away += _away(sim, max(overdue, due))
     if not sim.answered:
         sim.missed += 1
         sim.watch(time.monotonic(), sim.params.speed)
+    return away
+
+
+def _away(sim: Any, since: float) -> float:
+    """Return the s since then if no running process takes them, else 0; the motors wait."""
+    away = time.monotonic() - since
+    if away <= NOT_RUN:
+        return 0.0
+    sim.start(away)
+    sim.get_logger().warning(f'did not run for {away:.1f} s before t = {sim.t * 1e-9:.3f} s: '
+                             'the flight goes on from there')
+    return away
 
 
 def wait_while_paused(sim: Any, loop: Any) -> float:
@@ -206,7 +226,7 @@ def run(sim: Any, loop: Any) -> int:
     p, log = sim.params, sim.get_logger()
     log.info(f'flying in {p.mode} mode')  # the first line takes ten times as long as a step
     end = round(p.duration * 1e9) if p.duration else None
-    began = logged = time.monotonic()
+    began = logged = now = time.monotonic()
     zero = began  # when the flight would have begun at the present speed, for the pace
     sim.start()
     lockstep, speed = p.mode == 'lockstep', p.speed
@@ -223,7 +243,9 @@ def run(sim: Any, loop: Any) -> int:
             if not wait_for_answer(sim, loop):
                 break
         else:
-            wait_for_deadline(sim, loop, zero + (sim.t + STEP_NS) * 1e-9 / speed)
+            away = wait_for_deadline(
+                sim, loop, zero + (sim.t + STEP_NS) * 1e-9 / speed, now + rested)
+            began, zero = began + away, zero + away
         now = time.monotonic()
         if now - logged > 1.0:
             logged = now

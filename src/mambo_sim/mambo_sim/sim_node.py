@@ -9,6 +9,7 @@ when none has come, until its watchdog stops the motors.
 
 from __future__ import annotations
 
+import math
 import time
 
 from mambo_model.compiled import Held, hold, set_values
@@ -161,9 +162,9 @@ class SimNode(node.MamboNode[SimNodeParams]):
                 f'no motor_pwm for {limit:g} s: motors stopped at t = {self.t * 1e-9:.3f} s')
             self._report(self.t)
 
-    def start(self) -> None:
-        """Start to wait for motor commands."""
-        self._last_command = time.monotonic()
+    def start(self, away: float = math.inf) -> None:
+        """Start to wait for motor commands, or wait for so many s of wall time more."""
+        self._last_command = min(self._last_command + away, time.monotonic())
 
     def is_deserted(self, now: float) -> bool:
         """Return whether no motor command came for the patience, at a wall time in s."""
@@ -172,8 +173,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
     def give_up(self) -> None:
         """Stop the motors for good, because the command of this step is missing."""
         self._starve(self.params.patience)
-        refused = ', '.join(
-            f'{count} {reason}' for reason, count in sorted(self.commands.refused.items()))
+        refused = ', '.join(f'{n} {reason}' for reason, n in sorted(self.commands.refused.items()))
         self.get_logger().error(
             f'no motor_pwm for t = {self.t * 1e-9:.3f} s within {self.params.patience:g} s: '
             f"motors stopped{f'; refused: {refused}' if refused else ''}")

@@ -1,6 +1,7 @@
 """The steps of a flight, with a simulator and a graph of the test's own."""
 
 import logging
+import math
 import time
 from types import SimpleNamespace
 
@@ -28,8 +29,8 @@ class Sim:
     def __init__(self, **parameters):
         self.params = SimNodeParams(**parameters)
         self.t, self.sensed, self.missed, self.late, self.senses = 0, 0.0, 0, 0, 0
-        self.starved = -1
-        self.answered_to, self.gave_up, self.watched, self.heard = -1, [], [], None
+        self.starved, self.silent = -1, []
+        self.answered_to, self.gave_up, self.watched, self.heard = -1, [], [], 0.0
         self.delays, self.log = Delays(), logging.getLogger('test')
         self.pause = lockstep.Pause(self.params.paused)
 
@@ -40,8 +41,8 @@ class Sim:
     def answered(self):
         return self.answered_to >= self.t
 
-    def start(self):
-        self.heard = lockstep.time.monotonic()
+    def start(self, away=math.inf):
+        self.heard = min(self.heard + away, lockstep.time.monotonic())
 
     def sense(self):
         self.senses, self.sensed = self.senses + 1, lockstep.time.monotonic()
@@ -54,6 +55,7 @@ class Sim:
 
     def watch(self, now, speed):
         self.watched.append((self.t, now))
+        self.silent.append(now - self.heard)
 
     def is_deserted(self, now):
         return now - self.heard > self.params.patience
@@ -187,6 +189,30 @@ def test_a_step_that_began_late_leaves_its_period_for_the_answer(clock):
     assert lockstep.run(sim, loop) == 0
     assert sim.missed == 0 and sim.late == 0  # though each began after its own deadline
     assert clock.now - 100.0 == pytest.approx(0.105, abs=1e-6)  # and the delay is made up for
+
+
+@pytest.mark.parametrize('where', ['sense', 'once', 'advance'])
+@pytest.mark.parametrize('dead', [False, True])
+def test_time_in_which_the_process_does_not_run_is_left_out(clock, caplog, where, dead):
+    """It is suspended for 20 s: the flight goes on from there, at its pace."""
+    caplog.set_level('INFO')
+    sim, at = Sim(mode='realtime', duration=0.2), 50_000_000
+    loop = Loop(sim, clock, lambda t: None if t == at or dead and t > at else 0.001)
+    held, asleep = getattr(loop if where == 'once' else sim, where), [20.0]
+
+    def suspended(*given):
+        if sim.t == at and asleep:
+            clock.now += asleep.pop()
+        held(*given)
+
+    setattr(loop if where == 'once' else sim, where, suspended)
+    assert lockstep.run(sim, loop) == 0 and not asleep
+    assert sim.missed == len(sim.silent) == (31 if dead else 1)
+    assert min(sim.silent) >= 0.0
+    assert max(sim.silent) == pytest.approx(31 * PERIOD if dead else PERIOD, abs=0.02)
+    assert clock.now - 100.0 == pytest.approx(20.0 + 0.2 + PERIOD, abs=0.02)
+    assert 'did not run for 20.0 s before t = 0.05' in caplog.text
+    assert 'behind the wall clock' not in caplog.text
 
 
 def test_a_wait_for_the_next_step_that_ends_late_is_no_late_answer(clock):

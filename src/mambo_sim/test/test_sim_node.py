@@ -86,6 +86,20 @@ def test_a_command_sets_the_watchdog_back(sim, wall):
     assert sim.starved == -1
 
 
+def test_time_in_which_nothing_ran_is_no_silence(sim, wall):
+    wall.now += 20.0
+    sim.start(19.9)
+    sim.watch(wall.now + 0.05, 1.0)
+    assert sim.starved == -1
+    sim.watch(wall.now + 0.15, 1.0)
+    assert sim.starved == 0
+    sim.start(50.0)  # of which nothing was heard
+    assert sim._last_command == wall.now
+    wall.now += 7.0
+    sim.start()
+    assert sim._last_command == wall.now
+
+
 def test_the_answer_of_a_step_counts_and_its_delay(sim, wall):
     sim._tick = 10
     assert not sim.answered

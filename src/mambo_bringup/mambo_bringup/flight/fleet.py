@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+import math
 from typing import Any
 
 from mambo_flight.world.world_file import Hall
@@ -94,10 +95,10 @@ class Fleet:
         times = [sim.starved for sim in self._sims]
         return max(times) if min(times) >= 0 else -1
 
-    def start(self) -> None:
-        """Start to wait for motor commands."""
+    def start(self, away: float = math.inf) -> None:
+        """Start to wait for motor commands, as ``SimNode.start``."""
         for sim in self._sims:
-            sim.start()
+            sim.start(away)
 
     def sense(self) -> None:
         """Look at all vehicles, log collisions, and publish the sensors of all drones."""

@@ -82,6 +82,12 @@ def test_a_pause_of_one_is_a_pause_of_all():
     assert all_of_them.pause.paused and not all_of_them.pause.due()
 
 
+def test_all_wait_longer_after_a_suspension():
+    all_of_them, sims, _ = fleet()
+    all_of_them.start(3.0)
+    assert [sim.calls for sim in sims] == [[('start', 3.0)]] * 2
+
+
 def test_one_deserted_simulator_ends_the_flight():
     all_of_them, sims, _ = fleet()
     assert not all_of_them.is_deserted(1.0)
