@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 from mambo_control import failsafe
 from mambo_control.controller_node import ControllerNode
+from mambo_control.reference_node import ReferenceNode
 from mambo_estimation.estimator_node import EstimatorNode
 from mambo_model.compiled import memory_of
 from mambo_model.motion import trajectory
@@ -32,8 +33,8 @@ POINT = from_flat_output(
 class Controller:
     """A controller node whose inputs and output belong to this test."""
 
-    def __init__(self):
-        self.node = ControllerNode()
+    def __init__(self, *parameters):
+        self.node = ControllerNode(parameter_overrides=parameters)
         self.answers = []
         self.node._pwm = self.answers.append
         self.node.count_publishers = lambda topic: topic.removeprefix('/mambo/') in self.publish
@@ -71,6 +72,37 @@ def test_a_pair_is_answered_whichever_comes_first(controller):
     controller.estimate(1)  # said twice
     controller.reference(0)  # and late
     assert controller.stamps == [0, 1]
+
+
+@pytest.mark.parametrize(('estimate', 'used'), [('odom', b'odom'), ('map', b'map')])
+def test_an_estimate_or_reference_in_another_frame_is_refused(ros, estimate, used):
+    controller = Controller(Parameter('estimate', value=estimate))
+    topic, make = ((topics.ESTIMATE, messages.estimate) if estimate == 'odom' else
+                   (topics.LOCATED, messages.located))
+    ours = make(0, HOVERING, (0.0,) * 36, (0.0,) * 36)
+    controller.reference(0)
+    controller.hear(topic, ours.replace(used, b'm1' + b'_' * (len(used) - 2)))
+    assert controller.stamps == []
+    controller.hear(topic, ours)
+    assert controller.stamps == [0]
+    assert list(controller.node.refused().values()) == [1]
+    assert f'frame is not {estimate}' in str(controller.node.refused())
+    point = messages.reference(STEP, POINT, trajectory.TRACK)
+    controller.hear(topics.REFERENCE, point.replace(b'odom', b'odon'))
+    assert sum(controller.node.refused().values()) == 2
+    controller.node.destroy_node()
+
+
+def test_a_setpoint_in_another_frame_is_refused(ros):
+    node = ReferenceNode(parameter_overrides=[
+        Parameter('commands.enabled', value=True), Parameter('wire.frame_prefix', value='m1/')])
+    (guard,) = [entry.take for entry in node.inputs if entry.topic is topics.SETPOINT]
+    ours = messages.reference(0, POINT, trajectory.TRACK)
+    guard(ours.replace(b'odom', b'map_'))
+    assert dict(guard.refused) == {'frame is not m1/odom': 1}
+    guard(ours)
+    assert guard.refused['frame is not m1/odom'] == 1
+    node.destroy_node()
 
 
 def test_while_references_are_missing_estimates_are_answered_at_once_until_one_comes(controller):

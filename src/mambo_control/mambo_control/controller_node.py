@@ -63,10 +63,9 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         self._patience = round(p.patience * 1e9)
         self._estimates: dict[int, tuple[State, Spread]] = {}
         self._references: dict[int, tuple] = {}
-        self._last = -1
+        self._last, self._told = -1, failsafe.FLYING
         self._gone = (False, False)  # nobody publishes references, estimates any more
         self._silent = False  # a reference was overdue, and none has come since
-        self._told = failsafe.FLYING
         self.compile(p)
         self.held = self._begin()
         self._pwm = self.advertise(topics.MOTOR_PWM)
@@ -75,12 +74,13 @@ class ControllerNode(node.MamboNode[ControllerNodeParams]):
         self.allow_changes(self._next)
         self._time = self.accept(topics.CLOCK, messages.decode_clock, _nothing, prompt=False)
         bounds = {'now': self._time, 'ahead': round(p.period * 1e9), 'tolerant': True}
+        odom, here = self.wire.frames(messages.ODOM, p.estimate), self.wire.frames(p.estimate)
         self._estimate = topics.LOCATED if p.estimate == 'map' else topics.ESTIMATE
         self._pulling, self._streams = False, (
             self.accept(topics.REFERENCE, messages.decode_reference, self._on_reference,
-                        check=_check_reference, **bounds),
+                        check=_check_reference, frames=odom, **bounds),
             self.accept(self._estimate, messages.decode_estimate, self._on_estimate,
-                        check=input_guard.check_state, **bounds))
+                        check=input_guard.check_state, frames=here, **bounds))
         for guard in self._streams:
             guard.forgotten = self._forget
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # goes on when the wall clock is set back

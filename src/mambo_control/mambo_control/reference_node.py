@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 
 from mambo_model.compiled import Held, hold, hold_again, jit
@@ -36,11 +35,9 @@ def _begin(p: ReferenceNodeParams) -> Held:
     return hold(None, None, (p.flown(), p.vehicle.values()))
 
 
-def _check_setpoint(odom: str, setpoint: tuple) -> str:
-    """Return what is wrong with a decoded setpoint, empty if nothing; ``odom``: its frame."""
-    _, ref, frame = setpoint
-    if frame not in ('', messages.ODOM, odom):
-        return f'frame is not {odom}'
+def _check_setpoint(setpoint: tuple) -> str:
+    """Return what is wrong with the numbers of a decoded setpoint, empty if nothing."""
+    ref = setpoint[1]
     return input_guard.finite(ref.rho, ref.v, ref.a, ref.j, ref.s, ref.q, ref.omega)
 
 
@@ -88,13 +85,13 @@ class ReferenceNode(node.MamboNode[ReferenceNodeParams]):
         self.accept(topics.JOY, joy_message.decode, lambda t, *sticks: joystick.take(*sticks),
                     prompt=False, reliable=False, timed=False)
         setpoints = Setpoints(self._commander, p, self._give)
-        odom = self.wire.frame(topics.SETPOINT, messages.ODOM)
 
-        def on_setpoint(t: int, ref: Reference, _: str) -> None:
+        def on_setpoint(t: int, ref: Reference, _: int) -> None:
             guard.refused.update(setpoints.take(t, ref))
 
-        guard = self.accept(topics.SETPOINT, messages.decode_setpoint, on_setpoint, now=clock,
-                            ahead=_AHEAD, check=partial(_check_setpoint, odom))
+        guard = self.accept(topics.SETPOINT, messages.decode_reference, on_setpoint, now=clock,
+                            ahead=_AHEAD, check=_check_setpoint,
+                            frames=self.wire.frames(messages.ODOM))
         self.accept(topics.MOTOR_PWM, messages.decode_motor_state, self._on_pwm, prompt=False,
                     now=clock, ahead=STEP_NS)
         made = {

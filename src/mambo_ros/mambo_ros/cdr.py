@@ -33,12 +33,6 @@ def stamp_ns(data: bytes, offset: int = 0) -> int:
     return seconds * SECOND + nanoseconds
 
 
-def frame_id(data: bytes) -> str:
-    """Return ``header.frame_id`` of a serialised message that begins with a header."""
-    size = int.from_bytes(data[12:16], 'little' if data[1] & 1 else 'big')
-    return data[16:16 + size].rstrip(b'\0').decode(errors='replace')
-
-
 def restamped(data: bytes, stamp: int) -> bytes:
     """Return a copy of a serialised message whose leading stamp is replaced by ``stamp`` in ns."""
     order = '<' if data[1] & 1 else '>'

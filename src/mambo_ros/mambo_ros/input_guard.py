@@ -20,7 +20,7 @@ that leaves before the flight leaves no stamp behind.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from itertools import chain
 import math
 import struct
@@ -42,7 +42,17 @@ AHEAD = 'stamp ahead of the flight'
 NOT_FINITE = 'not finite'
 OUT_OF_LIMITS = 'out of limits'
 
+_FRAME = 12  # bytes of a message before the name of its frame: encapsulation and stamp
 _UNREADABLE = (LayoutError, struct.error, IndexError)
+
+
+def _framed(name: str) -> Iterator[bytes]:
+    """Yield how a frame is written in the header of a message, in either order of bytes."""
+    text = name.encode() + b'\0'
+    for order in ('little', 'big'):
+        yield len(text).to_bytes(4, order) + text
+        if not name:
+            yield bytes(4)
 
 
 def finite(*parts: tuple[float, ...]) -> str:
@@ -91,6 +101,9 @@ class InputGuard(PublisherGuard):
         samples.
     lost
         Called when a message of the first publisher is refused; None: no callback.
+    frames
+        Names of which the frame in the header is one, see ``wire.WireParams.frames``; empty: the
+        frame is not looked at.
 
     Attributes
     ----------
@@ -105,7 +118,7 @@ class InputGuard(PublisherGuard):
         self, topic: str, decode: Callable[[bytes], tuple], use: Callable[..., Any],
         now: Callable[[], int] | InputGuard | None = None, ahead: int = 0,
         check: Callable[[tuple], str] | None = None, tolerant: bool = False, timed: bool = True,
-        lost: Callable[[], Any] | None = None,
+        lost: Callable[[], Any] | None = None, frames: tuple[str, ...] = (),
     ) -> None:
         super().__init__(topic, use, LARGEST)
         self._decode, self._check, self._tolerant = decode, check, tolerant
@@ -113,6 +126,7 @@ class InputGuard(PublisherGuard):
             (now.time, now.newest) if isinstance(now, InputGuard) else (now, now))
         # guard whose newest stamp limits this one, if any; read directly, without a call
         self._clock = self if now is None else now if isinstance(now, InputGuard) else None
+        self._frames, self._framed = frames, tuple(chain.from_iterable(map(_framed, frames)))
         self._ahead, self._timed, self._lost = LEAP if now is None else ahead, timed, lost
         self._held: tuple[bytes, bytes] | None = None  # message and publisher, ahead of the clock
         self._waiting: list[InputGuard] = []  # inputs that hold a message, if this is the clock
@@ -140,6 +154,9 @@ class InputGuard(PublisherGuard):
             return
         if value is None:
             self._refuse(TOO_LARGE, publisher)
+            return
+        if self._framed and not data.startswith(self._framed, _FRAME):
+            self._refuse(f'frame is not {self._frames[-1]}', publisher)
             return
         t = value[0]
         if self._timed:  # fast path: nearly every stamp is the next one and not ahead

@@ -20,7 +20,6 @@ from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, Imu, Range
 
-from . import cdr
 from .layout import Layout
 
 Vec3 = tuple[float, float, float]
@@ -242,12 +241,6 @@ def decode_reference(data: bytes) -> tuple[int, flatness.Reference, int]:
         flip_vector(n[2:5]), flip_vector(n[5:8]), flip_vector(n[8:11]), flip_vector(n[11:14]),
         flip_vector(n[14:17]), body_quaternion(*n[17:21]), flip_vector(n[21:24]),
         flip_vector(n[24:27]), n[27], flip_vector(n[28:31])), n[31]
-
-
-def decode_setpoint(data: bytes) -> tuple[int, flatness.Reference, str]:
-    """Return (stamp ns, reference, name of its frame)."""
-    t, ref, _ = decode_reference(data)
-    return t, ref, cdr.frame_id(data)
 
 
 def motor_pwm(t: int, pwm: Quat, shutdown: bool, reason: int) -> bytes:

@@ -4,7 +4,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import TransformStamped
 from mambo_interfaces.msg import EstimatorState, OpticalFlow, Reference
-from mambo_ros.cdr import frame_id, restamped, serialize, stamp_ns
+from mambo_ros.cdr import restamped, serialize, stamp_ns
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Imu, Range
 from tf2_msgs.msg import TFMessage
@@ -28,10 +28,3 @@ def test_stamp_is_read_from_bytes():
     message.header.stamp = Time(sec=12, nanosec=345)
     assert stamp_ns(serialize_message(message)) == 12_000_000_345
     assert stamp_ns(restamped(serialize_message(message), 7_000_000_001)) == 7_000_000_001
-
-
-def test_the_frame_is_read_from_bytes():
-    message = Imu()
-    for name in ('', 'odom', 'größe'):
-        message.header.frame_id = name
-        assert frame_id(serialize_message(message)) == name

@@ -60,6 +60,20 @@ def test_a_stamp_of_the_future_is_refused_and_what_follows_is_not():
     assert one.refused == {input_guard.AHEAD: 1}
 
 
+@pytest.mark.parametrize('order', ['<', '>'])
+def test_a_message_of_another_frame_is_refused(order):
+    one = Input(frames=('', 'odom', 'm1/odom'), now=None)
+    for k, name in enumerate(['odom', 'map', 'm1/odom', 'odo', 'odom2', '', 'm2/odom', 'odom']):
+        head = struct.pack(f'{order}iII', 0, k, len(name) + 1) + name.encode() + b'\0'
+        message = b'\0' + bytes([order == '<']) + b'\0\0' + head
+        one.guard._decode = lambda _, k=k: (k * STEP, (1.0,), False)
+        one.guard(message)
+    assert one.steps == [0, 2, 5, 7] and one.refused == {'frame is not m1/odom': 4}
+    one.guard._decode = lambda _: (8 * STEP, (1.0,), False)
+    one.guard(b'\0\1\0\0' + struct.pack('<iII', 0, 8, 0))  # without the end of a text
+    assert one.steps[-1] == 8
+
+
 def test_a_stamp_may_be_ahead_by_the_allowance_and_no_more():
     one = Input(ahead=STEP)
     one.send(1)

@@ -80,6 +80,10 @@ class WireParams:
             name = _SENSORS.get(topic.name, name)
         return name and self.frame_prefix + name
 
+    def frames(self, *names: str) -> tuple[str, ...]:
+        """Return what some frames may be called in messages that come in: no name is one, too."""
+        return ('', *names, *(self.frame_prefix + name for name in names if self.frame_prefix))
+
     def outgoing(
         self, topic: topics.Topic, namespace: str, name: str,
     ) -> Callable[[bytes], bytes] | None:
