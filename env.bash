@@ -43,7 +43,7 @@ _mambo_enter() {
     local - variable
     set +eu +f
     local root
-    root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")" && pwd)
+    root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")" && pwd -P)
 
     # leave what an earlier source (of this or another checkout) put here
     if [[ -n ${MAMBO_ROOT:-} ]]; then

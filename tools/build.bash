@@ -9,7 +9,7 @@
 #           links to the Python packages where colcon puts them; env.bash puts them on PYTHONPATH
 set -euo pipefail
 
-root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)
+root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd -P)
 cd -- "$root"
 
 # True if every package was built, successfully, after its last change. colcon leaves the result

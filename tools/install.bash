@@ -9,7 +9,7 @@
 set -euo pipefail
 
 mode=$1
-root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)
+root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd -P)
 cd -- "$root"
 venv=$root/.venv
 log=$root/.cache/install.log

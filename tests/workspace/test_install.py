@@ -30,6 +30,13 @@ def variables(script, **environment):
     return dict(line.split('=', 1) for line in done.stdout.split('\0') if line)
 
 
+def test_through_a_symbolic_link_it_is_the_same_checkout(tmp_path):
+    (tmp_path / 'link').symlink_to(ROOT)
+    found = variables('source "$LINK/env.bash"', LINK=str(tmp_path / 'link'))
+    assert found['MAMBO_ROOT'] == str(ROOT.resolve())
+    assert str(tmp_path) not in ''.join(found[key] for key in found if key != 'LINK')
+
+
 @only_wheels
 def test_sourcing_from_anywhere_gives_ros_colcon_and_the_workspace():
     done = bash('source "$ROOT/env.bash" && ros2 pkg prefix mambo_interfaces && colcon --help '
