@@ -102,8 +102,8 @@ class InputGuard(PublisherGuard):
     lost
         Called when a message of the first publisher is refused; None: no callback.
     frames
-        Names of which the frame in the header is one, see ``wire.WireParams.frames``; empty: the
-        frame is not looked at.
+        Names of which the frame in the header must be one, the wanted one first, see
+        ``wire.WireParams.frames``; empty: the frame is not looked at.
 
     Attributes
     ----------
@@ -156,7 +156,7 @@ class InputGuard(PublisherGuard):
             self._refuse(TOO_LARGE, publisher)
             return
         if self._framed and not data.startswith(self._framed, _FRAME):
-            self._refuse(f'frame is not {self._frames[-1]}', publisher)
+            self._refuse(f'frame is not {self._frames[0]}', publisher)
             return
         t = value[0]
         if self._timed:  # fast path: nearly every stamp is the next one and not ahead

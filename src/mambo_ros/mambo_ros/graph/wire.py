@@ -81,8 +81,8 @@ class WireParams:
         return name and self.frame_prefix + name
 
     def frames(self, *names: str) -> tuple[str, ...]:
-        """Return what some frames may be called in messages that come in: no name is one, too."""
-        return ('', *names, *(self.frame_prefix + name for name in names if self.frame_prefix))
+        """Return what some frames may be called in messages that come in, likely names first."""
+        return (*(self.frame_prefix + name for name in names if self.frame_prefix), *names, '')
 
     def outgoing(
         self, topic: topics.Topic, namespace: str, name: str,

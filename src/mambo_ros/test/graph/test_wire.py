@@ -59,9 +59,9 @@ def test_every_stamp_of_transforms_and_diagnostics_moves():
 
 
 def test_messages_that_come_in_may_name_a_frame_with_or_without_the_prefix_or_not_at_all():
-    assert WireParams().frames('odom') == ('', 'odom')
+    assert WireParams().frames('odom') == ('odom', '')
     assert WireParams(frame_prefix='m1/').frames('odom', 'map') == (
-        '', 'odom', 'map', 'm1/odom', 'm1/map')
+        'm1/odom', 'm1/map', 'odom', 'map', '')
 
 
 def test_frames_get_their_prefix_and_sensors_their_own():
