@@ -370,6 +370,7 @@ class Hesitation:
     """
 
     WAIT = 0.1  # s of wall time, before the first step without an answer
+    LONGEST = 1.0  # s that count as waiting, of a time in which the process was suspended
     BEHIND = 40  # steps without an answer: 0.2 s, two periods of the slowest sensor
 
     def __init__(self) -> None:

@@ -145,12 +145,13 @@ class ReplayNode(node.MamboNode[ReplayNodeParams]):
 
     def wait_for_answer(self, loop: Loop, last: bool = False) -> bool:
         """Serve the graph until the estimate that is due is here, not long but for the last."""
-        began, t = time.monotonic(), self._due
+        looked, waited, t = time.monotonic(), 0.0, self._due
         while self._estimates.last < t:
             loop.once(0.0 if not last and self._hesitation.over(self._estimates.last) else 0.02)
             if loop.stopping:
                 return False
-            newest, waited = self._estimates.last, time.monotonic() - began
+            newest, now = self._estimates.last, time.monotonic()
+            waited, looked = waited + min(now - looked, Hesitation.LONGEST), now
             if newest < t and not last and self._hesitation.goes_on(newest, waited):
                 break
             if newest < t and waited > self.params.patience:

@@ -171,6 +171,13 @@ def test_patience_ends_with_what_is_missing(waiting):
     assert errors == ['no estimate/odom for t = 1.005 s within 30 s; not in the bag: all']
 
 
+def test_a_suspension_is_no_wait(waiting, monkeypatch):
+    player, errors = waiting
+    now = iter(range(0, 10**6, 3600))
+    monkeypatch.setattr(replay_node.time, 'monotonic', lambda: next(now))
+    assert ReplayNode.wait_for_answer(player, Loop(player, answers=30)) and not errors
+
+
 def test_an_answer_that_a_lost_sample_delays_is_not_waited_for_but_the_last_is(waiting):
     player, errors = waiting
     player._estimates.last = 10**9

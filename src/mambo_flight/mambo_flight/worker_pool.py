@@ -48,12 +48,13 @@ def worker_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
         If a worker is killed.
 
     """
-    pool = ProcessPoolExecutor(
-        workers, mp_context=multiprocessing.get_context('spawn'),
-        initializer=_begin, initargs=(os.getpid(),))
-    # a worker inherits the blocked signals and ignores Ctrl-C from its start
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    # workers inherit the blocked signals, as does the process that counts their semaphores: they
+    # leave the end of a terminal to this process, and ignore Ctrl-C from their start
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
     try:
+        pool = ProcessPoolExecutor(
+            workers, mp_context=multiprocessing.get_context('spawn'),
+            initializer=_begin, initargs=(os.getpid(),))
         for _ in range(workers):
             pool.submit(_nothing)
     finally:

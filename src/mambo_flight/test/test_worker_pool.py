@@ -80,6 +80,25 @@ def test_work_that_never_ends_does_not_hold_up_an_error():
     assert time.monotonic() - began < 60.0 and not is_running(number)
 
 
+def test_a_terminal_that_closes_leaves_no_traceback(tmp_path):
+    """The signal goes to all processes; the parent alone answers it."""
+    script = tmp_path / 'parent.py'
+    script.write_text(SCRIPT.replace('    with', """    import signal
+    def stop(*_):
+        raise SystemExit(129)
+    signal.signal(signal.SIGHUP, stop)
+    with""", 1))
+    parent = subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE,
+                              stderr=subprocess.PIPE, text=True, start_new_session=True)
+    try:
+        parent.stdout.readline()
+        os.killpg(parent.pid, signal.SIGHUP)
+        assert parent.communicate(timeout=60.0) == ('', '') and parent.returncode == 129
+    finally:
+        parent.kill()
+        parent.communicate()
+
+
 @pytest.mark.long
 def test_a_worker_whose_thread_never_ends_is_killed(monkeypatch):
     monkeypatch.setattr(pools, '_EXIT', 0.5)

@@ -18,6 +18,7 @@ _ASK_AGAIN = 5.0  # s of wall time between log lines that name the missing motor
 MOST_STEPS = 1_000_000  # of one request, while paused
 SILENT = 200  # steps without any motor command, after which none is waited for
 BEHIND = 0.01  # s of wall time by which a step may end late to get its motor command (judgement)
+LONGEST = 1.0  # s between looks at the wall clock of a process that runs (judgement)
 NOT_RUN = 0.1  # s between looks at the wall clock that only a stopped process takes (judgement)
 LATE = 0.05  # [-] of the wall time that a flight in real time takes longer than asked for
 
@@ -142,18 +143,23 @@ def answers(missed: int, late: int) -> str:
 
 
 def wait_for_answer(sim: Any, loop: Any) -> bool:
-    """Serve the graph until the step's motor command has arrived (lockstep)."""
-    began = logged = time.monotonic()
+    """
+    Serve the graph until the step's motor command has arrived (lockstep).
+
+    Of a time in which this process did not run, as it was suspended, ``LONGEST`` is a wait.
+    """
+    looked, waited, logged = time.monotonic(), 0.0, 0.0
     while not sim.answered:
         loop.once(0.02)
         now = time.monotonic()  # checked after every message: refused messages may never end
+        waited, looked = waited + min(now - looked, LONGEST), now
         if loop.stopping:
             return False
-        if now - began > sim.params.patience and not sim.answered:
+        if waited > sim.params.patience and not sim.answered:
             sim.give_up()
             return False
-        if now - logged > _ASK_AGAIN:
-            logged = now
+        if waited - logged > _ASK_AGAIN:
+            logged = waited
             sim.get_logger().warning(f'waiting for motor_pwm of t = {sim.t * 1e-9:.3f} s')
     return True
 
@@ -229,6 +235,7 @@ def run(sim: Any, loop: Any) -> int:
     began = logged = now = time.monotonic()
     zero = began  # when the flight would have begun at the present speed, for the pace
     sim.start()
+    stopped = 0.0  # s of wall time in which this process did not run
     lockstep, speed = p.mode == 'lockstep', p.speed
     while not loop.stopping:
         rested = wait_while_paused(sim, loop)
@@ -245,7 +252,7 @@ def run(sim: Any, loop: Any) -> int:
         else:
             away = wait_for_deadline(
                 sim, loop, zero + (sim.t + STEP_NS) * 1e-9 / speed, now + rested)
-            began, zero = began + away, zero + away
+            began, zero, stopped = began + away, zero + away, stopped + away
         now = time.monotonic()
         if now - logged > 1.0:
             logged = now
@@ -262,6 +269,8 @@ def run(sim: Any, loop: Any) -> int:
     if not lockstep and late > LATE * took:
         log.warning(f'fell {late:.2f} s behind the wall clock: the controller or the machine is '
                     f'too slow for speed {speed:g}')
+    if stopped:
+        log.warning(f'did not run for {stopped:.1f} s in all: it went on from where it was')
     log.info(f'flew {sim.t * 1e-9:.3f} s in {took:.3f} s of wall time, '
              f'{answers(sim.missed, sim.late)}')
     if sim.delays.count:

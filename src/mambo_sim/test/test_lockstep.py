@@ -103,6 +103,22 @@ def test_lockstep_gives_up_after_its_patience_and_says_that_it_failed(clock):
     assert clock.now == pytest.approx(102.0, abs=0.05)
 
 
+@pytest.mark.parametrize('answers', [True, False])
+def test_lockstep_waits_on_after_a_suspension(clock, answers):
+    sim, asleep = Sim(mode='lockstep', duration=0.02, patience=2.0), [3600.0]
+    loop = Loop(sim, clock, lambda t: (0.001 if t else 3600.5) if answers else None)
+
+    def once(timeout, held=loop.once):
+        clock.now += asleep.pop() if asleep else 0.0
+        held(timeout)
+
+    loop.once = once
+    assert lockstep.run(sim, loop) == (0 if answers else 1)
+    assert bool(sim.gave_up) != answers
+    if not answers:
+        assert clock.now - 3700.0 == pytest.approx(2.0 - lockstep.LONGEST, abs=0.05)
+
+
 def test_an_answer_within_the_patience_is_waited_for(clock):
     sim = Sim(mode='lockstep', duration=0.01, patience=2.0)
     assert lockstep.run(sim, Loop(sim, clock, lambda t: 1.9)) == 0
@@ -212,6 +228,7 @@ def test_time_in_which_the_process_does_not_run_is_left_out(clock, caplog, where
     assert max(sim.silent) == pytest.approx(31 * PERIOD if dead else PERIOD, abs=0.02)
     assert clock.now - 100.0 == pytest.approx(20.0 + 0.2 + PERIOD, abs=0.02)
     assert 'did not run for 20.0 s before t = 0.05' in caplog.text
+    assert 'did not run for 20.0 s in all: it went on from where it was' in caplog.text
     assert 'behind the wall clock' not in caplog.text
 
 

@@ -29,7 +29,8 @@ _COLLIDED = re.compile(r'/\S+ and /\S+ collided at t = [\d.]+ s: [\d.]+ m apart'
 _PACED = re.compile(r'flying in realtime mode$')
 _WAITS = re.compile(r'waiting for .*')
 _REMARK = re.compile(
-    r'motor_pwm of t = .* are limited to .*|fell [\d.]+ s behind the wall clock.*')
+    r'motor_pwm of t = .* are limited to .*|fell [\d.]+ s behind the wall clock.*|'
+    r'did not run for [\d.]+ s in all.*')
 _TIME = re.compile(r't = ([\d.]+) s$')
 MANY = 0.05  # [-] of the steps without a motor command, from which the flight is another one
 _QUIET = 10.0  # s without a word where no progress bar is seen; each further wait is twice as long

@@ -73,7 +73,8 @@ def test_what_nodes_refused_is_of_the_outcome_the_last_count_of_each(graph, tmp_
 def test_what_the_simulator_remarks_is_printed(graph, tmp_path, capsys):
     pwm = 'motor_pwm of t = 1.000 s is 900, above pwm_max of the vehicle: it and later ones are '
     lines = [f'{pwm}limited to 500', 'fell 2.34 s behind the wall clock: the controller or the '
-             'machine is too slow for speed 1']
+             'machine is too slow for speed 1',
+             'did not run for 20.1 s in all: it went on from where it was']
     graph(sim_node=''.join(
         f"print('[WARN] [1.0] [mambo.sim_node]: {line}')\n" for line in lines) + FLEW)
     outcome = fly(short(), tmp_path / 'bag')

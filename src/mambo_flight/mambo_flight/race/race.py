@@ -63,7 +63,9 @@ def race(
     """
     if (folder / 'metadata.yaml').exists():
         raise InputError(f'{folder}: is a bag; give a folder for the page')
-    if not add:
+    ended = (folder / NUMBERS).exists() or not any(
+        _journal(folder, state).exists() for state in states)
+    if not add and ended:
         for name in (PAGE, NUMBERS, *map(_picture, conditions)):
             if (folder / name).exists():
                 raise InputError(f'{folder / name} exists: --add keeps what it has; or give '
@@ -73,28 +75,33 @@ def race(
     found: list[report.Result] = []
     journals: list[Journal] = []
     faults: list[tuple[str, str]] = []
-    for state in states:
-        flights = Comparison(entrants, courses, conditions, draws, state)
-        digest = hashlib.sha256(
-            f'{source_digest()} {entrants} {flights.starts}'.encode()).hexdigest()
-        journals.append(Journal(folder / f'race_{state}.rows', digest, 'race'))
-        try:
+    try:
+        for state in states:
+            flights = Comparison(entrants, courses, conditions, draws, state)
+            digest = hashlib.sha256(
+                f'{source_digest()} {entrants} {flights.starts}'.encode()).hexdigest()
+            journals.append(Journal(_journal(folder, state), digest, 'race'))
             run(flights, journals[-1], state == TRUE, workers)
-        except BaseException:
-            for journal in journals:
-                journal.leave()
-            raise
-        rows = journals[-1].rows
-        found += report.results(flights.starts, rows, state)
-        faults += [('/'.join(map(str, (*start, state))), rows[number]['fault'])
-                   for number, start in enumerate(flights.starts)]
-    for name, entrant in entrants.items():
-        flight = Comparison({name: entrant}, courses[:1], ['known'], 1, TRUE)[0]
-        steps[name] = entrant.title, step_time(flight)
-    _write(folder, report.merged(before, found), steps)
+            rows = journals[-1].rows
+            found += report.results(flights.starts, rows, state)
+            faults += [('/'.join(map(str, (*start, state))), rows[number]['fault'])
+                       for number, start in enumerate(flights.starts)]
+        for name, entrant in entrants.items():
+            flight = Comparison({name: entrant}, courses[:1], ['known'], 1, TRUE)[0]
+            steps[name] = entrant.title, step_time(flight)
+        _write(folder, report.merged(before, found), steps)
+    except BaseException:
+        for journal in journals:
+            journal.leave()
+        raise
     for journal in journals:
         journal.remove()
     return faults
+
+
+def _journal(folder: Path, state: str) -> Path:
+    """Return the file with the finished flights on an estimate, until the race has ended."""
+    return folder / f'race_{state}.rows'
 
 
 def _picture(condition: str) -> str:
@@ -105,7 +112,7 @@ def _picture(condition: str) -> str:
 def _write(
     folder: Path, found: Sequence[report.Result], steps: dict[str, tuple[str, float]],
 ) -> None:
-    """Write plots, page and numbers, each completely or not at all."""
+    """Write plots, page and numbers, each completely or not at all; numbers last."""
     conditions = list(dict.fromkeys(r.condition for r in found))
     for condition in conditions:
         with replacing(folder / _picture(condition), PICTURE) as part:

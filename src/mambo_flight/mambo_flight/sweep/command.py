@@ -83,16 +83,16 @@ def sweep(
         print(f'{program("sweep")}: {said}', file=sys.stderr)
     try:
         run(flights, journal, ideal, workers, dask)
-        data = table.columns(flights.sweep, journal.rows)
-        table.write(out, data, flights.sweep.head.title)
+        data, title = table.columns(flights.sweep, journal.rows), flights.sweep.head.title
+        what = (data, list(table.parameters(flights.sweep, 0)), title or path.stem,
+                table.units(flights.sweep))
+        plot.draw(out.with_suffix('.png'), *what)
+        heat_map.draw(map_of(out), *what)
+        table.write(out, data, title)  # last: a table is a sweep that has ended
         journal.remove()
     except BaseException:
         journal.leave()
         raise
-    names, title = list(table.parameters(flights.sweep, 0)), flights.sweep.head.title or path.stem
-    units = table.units(flights.sweep)
-    plot.draw(out.with_suffix('.png'), data, names, title, units)
-    heat_map.draw(map_of(out), data, names, title, units)
     return data
 
 

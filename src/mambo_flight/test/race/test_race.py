@@ -113,6 +113,27 @@ def test_a_race_with_a_controller_that_failed_says_so(tmp_path, monkeypatch, cap
         'mine.py:3: ValueError: no\n')
 
 
+@pytest.mark.parametrize('at', ['draw', 'markdown'])
+def test_a_race_that_is_ended_while_it_writes_goes_on(tmp_path, monkeypatch, at):
+    flown, held = [], getattr(race.report, at)
+
+    def ended(*_):
+        monkeypatch.setattr(race.report, at, held)
+        raise KeyboardInterrupt(signal.SIGINT)
+    monkeypatch.setattr('mambo_flight.sweep.run.fly', lambda flights, ideal: (
+        flown.append(len(flights)), [ROW for _ in flights])[1])
+    monkeypatch.setattr(race, 'step_time', lambda flight: 0.5)
+    monkeypatch.setattr(race.report, at, ended)
+    arguments = ['-o', str(tmp_path), '--controllers', 'indi', '--courses', 'circle',
+                 '--conditions', 'known', '--draws', '1', '--workers', '1', '--state', 'true']
+    with pytest.raises(KeyboardInterrupt):
+        race.main(arguments)
+    assert race.main(arguments) == 0 and flown == [1]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        'controllers.json', 'controllers.md', 'controllers_known.png']
+    assert race.main(arguments) == 2  # it has ended
+
+
 @pytest.mark.parametrize('name', [
     'controllers.md', 'controllers.json', 'controllers_known.png'])
 def test_a_page_is_not_written_over(tmp_path, capsys, name):

@@ -65,6 +65,23 @@ def test_what_is_finished_is_kept_when_the_rest_fails(file, tmp_path, monkeypatc
     assert not (tmp_path / 'a.parquet').exists()
 
 
+@pytest.mark.parametrize('error', [KeyboardInterrupt, OSError])
+def test_a_sweep_that_ends_while_it_draws_goes_on(file, tmp_path, flown, monkeypatch, error):
+    out, ends = tmp_path / 'a.parquet', [error]
+
+    def draw(path, *_):
+        if ends:
+            raise ends.pop()
+        path.write_bytes(b'drawn')
+    monkeypatch.setattr(command.plot, 'draw', draw)
+    with pytest.raises(error):
+        sweep(file, out)
+    assert not out.exists() and (tmp_path / 'a.parquet.rows').exists()
+    sweep(file, out)
+    assert out.exists() and (tmp_path / 'a.png').read_bytes() == b'drawn'
+    assert not (tmp_path / 'a.parquet.rows').exists()
+
+
 def test_a_result_that_is_there_is_not_flown_again(file, tmp_path, flown):
     (tmp_path / 'a.parquet').write_text('precious')
     with pytest.raises(InputError, match=r'a.parquet exists'):

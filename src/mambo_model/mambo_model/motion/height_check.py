@@ -1,6 +1,6 @@
 """
 Whether a vehicle lay on the floor below its reference, was far from it, fell, or turned its motors
-while none were asked for.
+in vain: while none were asked for, or on the floor.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ DROP = 0.15  # m above the floor, from which a vehicle falls with 1.7 m/s (judge
 HARD = 2.0  # m/s, vertical speed at which a vehicle hits the floor, a fall of 0.2 m (judgement)
 IDLE = 0.5  # s, for which a motor command holds at most, by the watchdog: so long motors may turn
 #             on in a phase that asks for none, as a phase may be late in real time
+STAND = 1.0  # s, so long motors turn on the floor with a reference at rest there (judgement)
 AWAY = 2.0  # s, so long it needs for a leap of 10 m with an acceleration of 1 g (judgement)
 
 
@@ -179,6 +180,29 @@ def landing_fault(
             f'{height[k]:.2f} m above the floor: it fell from there')
 
 
+def stand_fault(
+    t: NDArray[np.float64], height: NDArray[np.float64], wanted: NDArray[np.float64],
+    phase: NDArray[np.int64], turning: NDArray[np.bool_],
+) -> str:
+    """
+    Return when motors turned on the floor with the reference at rest there, but in flight, or ''.
+
+    Parameters
+    ----------
+    t, height, wanted, phase, turning
+        As of :func:`height_fault` and :func:`landing_fault`.
+
+    """
+    stands = (np.diff(wanted, prepend=wanted[:1]) == 0.0) & (wanted <= LIFTED)
+    which = stands & (height <= LIFTED) & turning & python(in_flight)(phase)
+    if (found := _longest(t, which, STAND)) is None:
+        return ''
+    begin, end, part = found
+    return (f'the motors turned on the floor from {begin:.2f} to {end:.2f} s, as the reference '
+            f'stood {wanted[part][0]:.2f} m high in a phase of flight: there its phase must be '
+            'GROUND, or LANDED after a landing')
+
+
 def idle_fault(
     t: NDArray[np.float64], phase: NDArray[np.int64], turning: NDArray[np.bool_],
 ) -> str:
@@ -230,7 +254,8 @@ def flight_fault(
     return '; '.join(filter(None, (
         '' if ended else height_fault(t, height, wanted[:, 2], phase, floor),
         distance_fault(t, beside, phase),
-        landing_fault(t, height, phase, turning) if floor else '')))
+        landing_fault(t, height, phase, turning) if floor else '',
+        stand_fault(t, height, wanted[:, 2], phase, turning) if floor and not ended else '')))
 
 
 def over_in_the_air(height: float, turning: bool) -> str:

@@ -2,8 +2,8 @@
 
 from mambo_model.motion.height_check import (
     ABOVE, distance_fault, flight_fault, height_fault, hits_floor, IDLE, idle_fault, landing_fault,
-    LONG, LOW, over_in_the_air)
-from mambo_model.motion.trajectory import GROUND, LANDED, LANDING, TAKEOFF, TRACK
+    LONG, LOW, over_in_the_air, STAND, stand_fault)
+from mambo_model.motion.trajectory import blend, GROUND, LANDED, LANDING, TAKEOFF, TRACK
 import numpy as np
 import pytest
 
@@ -136,6 +136,46 @@ def test_motors_that_turn_while_none_are_asked_for_are_named(phase, first, last,
         f'the motors turned for {said[0]:.2f} s while the phase of the reference was GROUND or '
         f'LANDED, in which they must stand still, longest from {said[1]:.2f} to {said[2]:.2f} s: '
         'the controller must answer these phases with PWM 0'))
+
+
+def landed(phase, end=0.0):
+    """Return a flight that lands at 2 s, the height of its reference then, and its phase."""
+    t = np.arange(1000) * 0.005
+    wanted = np.interp(t, [0.0, 1.0, 2.0], [0.0, 1.0, end])
+    flown = np.where(t < 2.0, TRACK, phase)
+    return t, np.clip(wanted, 0.0, 1.0), wanted, flown
+
+
+@pytest.mark.parametrize(('phase', 'told'), [
+    (LANDING, True), (TRACK, True), (TAKEOFF, True), (LANDED, False), (GROUND, False)])
+@pytest.mark.parametrize(('end', 'low'), [(0.0, True), (-0.5, True), (0.03, False)])
+def test_motors_that_turn_on_the_floor_below_a_reference_at_rest_are_named(phase, told, end, low):
+    flight = landed(phase, end)
+    t, height, wanted, flown = flight
+    begin = t[np.flatnonzero(wanted == end)[1]]
+    expected = (f'the motors turned on the floor from {begin:.2f} to {t[-1]:.2f} s, as the '
+                f'reference stood {end:.2f} m high in a phase of flight: there its phase must '
+                'be GROUND, or LANDED after a landing') * (told and low)
+    turning = np.ones(1000, bool)
+    assert stand_fault(*flight, turning) == expected
+    paths = (np.column_stack((0.0 * t, 0.0 * t, z)) for z in (height, wanted))
+    assert expected in flight_fault(t, *paths, flown, turning)
+    assert not stand_fault(*flight, ~turning)
+
+
+@pytest.mark.parametrize('climb', [0.5, 3.0, 60.0])
+def test_a_slow_take_off_or_landing_stands_nowhere(climb):
+    t = np.arange(0.0, climb, 0.005)
+    wanted = 0.1 * np.array([blend(one / climb)[0] for one in t])
+    on_floor, turning = np.zeros(len(t)), np.ones(len(t), bool)
+    for up in (wanted, wanted[::-1]):
+        assert not stand_fault(t, on_floor, up, np.full(len(t), TAKEOFF), turning)
+
+
+def test_a_short_stand_is_left_out():
+    t, height, wanted, flown = landed(TRACK)
+    flown[t > 2.0 + 0.95 * STAND] = LANDED
+    assert not stand_fault(t, height, wanted, flown, np.ones(1000, bool))
 
 
 def test_all_the_time_that_motors_turn_without_need_is_told():
