@@ -22,8 +22,9 @@ An attitude is a ``quaternion`` with its ``order``, or ``euler`` angles about th
 moving body in the ``order`` of their columns (``ZYX``: yaw, pitch, roll). The ``velocity`` of
 ``onboard/odom`` is in the axes of the world, or with ``velocity_axes: body`` in those of the
 body. A topic may name a ``time`` and a ``body`` of its own. ``only_changes: true`` publishes a
-value only when it is new, for a column that holds the last one. ``valid: [xy_ok, z_ok]`` names
-columns that are 0 in rows which the logger marks as unusable: these are left out.
+value only when it is new, for a column that holds the last one: without it, a slower sensor in a
+faster table has the rate of the table. ``valid: [xy_ok, z_ok]`` names columns that are 0 in rows
+which the logger marks as unusable: these are left out.
 
 Cells of a CSV file are separated by commas, or by the character of ``delimiter: ';'`` (one ASCII
 character, ``'\t'`` for a tab) beside ``time`` and ``topics``. Numbers have decimal points.

@@ -24,7 +24,7 @@ from mambo_bags.command import guard, Parser, write_json
 from mambo_bags.mcap_reader import BagError
 import numpy as np
 
-from . import barometer, imu, optical_flow, sonar
+from . import barometer, imu, optical_flow, repeats, sonar
 from ..allan import LEVEL
 from ..recording import read_sensors, Recording
 from .drawing import draw
@@ -69,6 +69,7 @@ def measure(recording: Recording) -> tuple[list[Measured], dict[str, Any]]:
 
     """
     _check_intervals(recording)
+    repeats.check(recording)
     inertial, curves = imu.measure(recording)
     optical, latency = optical_flow.measure(recording)
     lines = inertial + sonar.measure(recording) + optical + barometer.measure(recording)

@@ -33,6 +33,12 @@ def test_all_sensors_of_a_recording_are_measured():
     assert curves == {'allan': {}, 'latency': None}
 
 
+def test_a_recording_that_holds_its_readings_is_refused():
+    t, values = np.arange(400) * 0.01, np.random.default_rng(0).normal(1.0, 0.004, 100)
+    with pytest.raises(BagError, match='sonar/range: 75 % of the readings repeat the one before'):
+        measure(Recording('r', sonar=Stream(t, np.repeat(values, 4))))
+
+
 def test_a_recording_of_nothing_is_refused_by_name():
     with pytest.raises(BagError, match='^short: too few samples to tell anything of a sensor$'):
         measure(Recording('short', sonar=sonar(5)))
