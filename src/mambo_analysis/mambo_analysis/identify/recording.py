@@ -13,7 +13,7 @@ from mambo_signals import stamps
 import numpy as np
 from numpy.typing import NDArray
 
-from ..importers.common import read_source, Source
+from ..importers.common import ONLY_CHANGES, read_source, Source
 from ..importers.mat_file import variables
 from ..importers.minidrone import FLOW_SCALE, new_samples, read_log, STEP_NS
 
@@ -44,6 +44,8 @@ class Recording:
     pwm : (n, 4)
     held
         Only new values could be told from held ones: a repeated value is not there.
+    changes
+        Topics of which the import published only changes.
 
     """
 
@@ -55,6 +57,7 @@ class Recording:
     barometer: Stream | None = None
     pwm: Stream | None = None
     held: bool = False
+    changes: frozenset[str] = frozenset()
 
 
 def _resting(path: Path, noise: Any) -> Recording:
@@ -130,12 +133,14 @@ def _bag(path: Path, namespace: str | None) -> Recording:
         whole = np.isfinite(imu.values).all(axis=1)
         gyro = Stream(imu.t[whole], imu.values[whole, :3])
         accel = Stream(imu.t[whole], imu.values[whole, 3:])
+    record = bag.metadata.get('import', {})
     found = Recording(
         path.name, gyro, accel, _stream(bag, 'sonar/range', sonar),
         _stream(bag, 'optical_flow', flow),
         _stream(bag, 'barometer/pressure', lambda m: m.pressure),
         _stream(bag, 'motor_pwm', lambda m: m.pwm),
-        held='minidrone' in bag.metadata.get('import', {}).get('source_kind', ''))
+        held='minidrone' in record.get('source_kind', ''),
+        changes=frozenset(filter(None, record.get(ONLY_CHANGES, '').split(', '))))
     if not any((found.gyro, found.sonar, found.flow, found.barometer)):
         raise BagError(f'{path}: no sensor in it; wanted one of {", ".join(TOPICS[:4])}, it has '
                        f'{", ".join(sorted(bag.topics))}')

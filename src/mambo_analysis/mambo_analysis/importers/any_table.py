@@ -31,8 +31,8 @@ from scipy.spatial.transform import Rotation
 
 from .checks import bag_doubts, extrapolated, plausible
 from .common import (
-    importer_parser, LONGEST, NAMESPACE, new_samples, provenance, Publisher, read_source, report,
-    stamps_ns, unused)
+    importer_parser, LONGEST, NAMESPACE, new_samples, ONLY_CHANGES, provenance, Publisher,
+    read_source, report, stamps_ns, unused)
 from .logs import ulog
 from .logs.named_columns import read_columns
 from .table_file import row_name
@@ -375,7 +375,9 @@ def import_table(
     file = read_source(source)
     table, others, damage = read_columns(file, wanted)
     rows = _Rows(source, table, wanted)
+    changes = ', '.join(name for name, topic in wanted.topics.items() if topic.only_changes)
     record = provenance(source.name, file.sha256, 'import_table', 'table', {
+        **({ONLY_CHANGES: changes} if changes else {}),
         'mapping': mapping.name, 'mapping_sha256': read_source(mapping).sha256,
         'time_zero': repr(float(table[wanted.clock.column][0])),
         'ignored': ', '.join(others) or 'nothing'})

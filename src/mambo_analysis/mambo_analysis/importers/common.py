@@ -23,6 +23,7 @@ SECOND = 1_000_000_000
 LONGEST = 1e9  # [s] of a time
 LARGEST = 1e30  # of what is measured; some messages hold single precision
 ESTIMATORS = Path(__file__).with_name('estimators')  # a parameter file for each vehicle
+ONLY_CHANGES = 'only_changes'  # entry of the record ``import``: topics without repeated values
 PACKAGES = {'Header': 'std_msgs', 'Time': 'builtin_interfaces'}
 
 

@@ -86,8 +86,8 @@ from scipy.spatial.transform import Rotation
 
 from .checks import bag_doubts, crazyflie_doubts, plausible, slips
 from .common import (
-    estimator_parameters, importer_parser, is_sound, LONGEST, NAMESPACE, new_samples, provenance,
-    Publisher, read_source, refuse_options, report, Source, stamps_ns, unused)
+    estimator_parameters, importer_parser, is_sound, LONGEST, NAMESPACE, new_samples, ONLY_CHANGES,
+    provenance, Publisher, read_source, refuse_options, report, Source, stamps_ns, unused)
 from .crazyflie_names import (
     FORMER, GOAL, GYRO, MOCAP, MOTORS, ODOMETRY, RATES, SAME_TURNING, USED)
 
@@ -756,6 +756,7 @@ def import_crazyflie(
     record = provenance(source.name, file.sha256, 'import_crazyflie', 'Crazyflie JSON log', {
         'counts_per_radian': counts_per_radian, 'flow_period_s': FLOW_PERIOD,
         'flow_rotation': 'not compensated', 'horizontal_acceleration': '0' if level else 'NaN',
+        ONLY_CHANGES: 'sonar/range' + (', optical_flow' if repeated_flow != 'zero' else ''),
         'repeated_flow': repeated_flow, 'motor_pwm_unit': 'counts, 0 to 65535',
         'mocap_frames_lost': log.lost, 'mocap_poses_impossible': log.impossible,
         **({'mocap_poses_frozen': log.still} if log.still else {}),

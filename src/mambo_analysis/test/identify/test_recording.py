@@ -17,10 +17,10 @@ from synthetic import Maker, STEP
 TOPICS = ('imu/data_raw', 'sonar/range', 'optical_flow', 'barometer/pressure', 'motor_pwm')
 
 
-def bag(path, topics=TOPICS, kind='', stamps=(0, 1, 2, 3)):
+def bag(path, topics=TOPICS, kind='', stamps=(0, 1, 2, 3), **details):
     """Write a bag in FLU, each value different from its neighbours' and along each axis."""
     maker = Maker(path, topics, attachments={}, metadata=(
-        provenance('log.mat', '', 'importers', kind, {}) if kind else {}))
+        provenance('log.mat', '', 'importers', kind, details) if kind else {}))
     rows = {
         'imu/data_raw': lambda k: {
             'angular_velocity': maker.Vector3(0.1, 0.2, 0.3 + k),
@@ -66,6 +66,12 @@ def test_stamps_come_in_order_and_a_repeated_one_once(tmp_path):
 def test_held_values_are_those_of_imported_logs(tmp_path):
     assert not read_sensors(bag(tmp_path / 'a')).held
     assert read_sensors(bag(tmp_path / 'b', kind='minidrone flight log')).held
+
+
+def test_topics_of_which_only_changes_were_imported_are_known(tmp_path):
+    assert read_sensors(bag(tmp_path / 'a', kind='table')).changes == frozenset()
+    some = read_sensors(bag(tmp_path / 'b', kind='table', only_changes='sonar/range, battery'))
+    assert some.changes == {'sonar/range', 'battery'} and not some.held
 
 
 def test_a_bag_without_a_sensor_is_named_with_what_it_has(tmp_path):

@@ -116,7 +116,9 @@ def test_a_clock_of_its_own_held_values_and_missing_ones(tmp_path):
     counts, notes = import_table(source, tmp_path / 'bag', mapping)
     assert counts['/mambo/battery'] == N // 10 and counts['/mambo/imu/data_raw'] == N - 1
     assert notes == ['imu/data_raw: 1 of 50 rows lack a value in ax']
-    battery = read_bag(tmp_path / 'bag')['battery']
+    bag = read_bag(tmp_path / 'bag')
+    assert bag.metadata['import']['only_changes'] == 'battery'
+    battery = bag['battery']
     assert np.allclose(battery.voltage, 4.1 - 0.001 * np.arange(N // 10))
     assert abs(battery.stamp[1] - 105_000_000) < 1000
 

@@ -217,7 +217,9 @@ def test_the_estimator_knows_the_counts_of_a_radian(counts, factor, tmp_path):
 
 def test_counts_that_repeat_are_zero_where_asked(made, tmp_path):
     import_crazyflie(save(tmp_path / 'made.json'), tmp_path / 'zero', repeated_flow='zero')
-    flow, new = read_bag(tmp_path / 'zero')['optical_flow'], made['optical_flow']
+    zero = read_bag(tmp_path / 'zero')
+    assert zero.metadata['import']['only_changes'] == 'sonar/range'
+    flow, new = zero['optical_flow'], made['optical_flow']
     assert len(flow) == 2000  # every logged instant
     first = np.isin(flow.stamp, new.stamp)
     assert (flow.rate_x[first] == new.rate_x).all() and (flow.rate_y[first] == new.rate_y).all()
@@ -261,6 +263,7 @@ def test_a_rate_whose_force_was_lost_is_published(tmp_path):
 
 
 def test_only_new_ranges_are_published(made):
+    assert made.metadata['import']['only_changes'] == 'sonar/range, optical_flow'
     sonar = made['sonar/range']
     assert np.diff(sonar.range).all() and set(sonar.radiation_type) == {1}
     climbing = (sonar.t > 12.1) & (sonar.t < 12.4)

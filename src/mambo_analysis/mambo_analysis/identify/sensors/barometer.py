@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..allan import deviation_at_rest
 from ..recording import Recording
 from .phases import stretch_at_rest
+from .repeats import filled, only_changes, rate_note, shown, smallest_step
 from .statistics import STRETCHES, white_sigma
 from .table import entry, Measured, timing
 
@@ -16,18 +15,20 @@ def measure(recording: Recording) -> list[Measured]:
     stream = recording.barometer
     if stream is None or len(stream.t) < 4 * STRETCHES:
         return []
-    lines, n = timing('barometer', stream), len(stream.t)
-    changes = np.abs(np.diff(stream.values))
-    least = changes[changes > 0.0].min(initial=np.inf)
-    if np.isfinite(least):
-        lines.append(Measured('barometer', 'smallest change', 'Pa', *[float(least)] * 3, n - 1))
-    lines.append(entry('barometer', 'noise from value to value', 'Pa',
-                       white_sigma(stream.values), n, 'what is averaged before is not in it'))
+    lines, n = timing('barometer', stream, rate_note(recording, 'barometer')), len(stream.t)
+    step = smallest_step(stream.values)
+    if step:
+        lines.append(Measured('barometer', 'smallest change', 'Pa', step, step, step, n - 1))
+    full = white_sigma(filled(stream.t, stream.values)) if only_changes(
+        recording, 'barometer') else None
+    found, note = shown(white_sigma(stream.values), step, full)
+    lines.append(entry('barometer', 'noise from value to value', 'Pa', found, n,
+                       note or 'what is averaged before is not in it'))
     rest = stretch_at_rest(recording)
     if rest is not None:
         times = recording.gyro.t[rest]
         still = stream.values[(stream.t >= times[0]) & (stream.t <= times[-1])]
         if len(still) > 4 * STRETCHES:
-            lines.append(entry('barometer', 'noise at rest', 'Pa', deviation_at_rest(still),
-                               len(still)))
+            found, note = shown(deviation_at_rest(still), step)
+            lines.append(entry('barometer', 'noise at rest', 'Pa', found, len(still), note))
     return lines

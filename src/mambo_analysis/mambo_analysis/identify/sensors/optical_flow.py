@@ -10,6 +10,7 @@ from scipy.signal import butter, sosfiltfilt
 from ..allan import Interval
 from ..recording import Recording
 from .phases import airborne, heights
+from .repeats import rate_note
 from .statistics import Array, jackknife, median, proportion, STRETCHES, white_sigma
 from .table import entry, Measured, PAUSE, timing
 
@@ -25,7 +26,7 @@ def measure(recording: Recording) -> tuple[list[Measured], tuple[Array, Array] |
     stream = recording.flow
     if stream is None or len(stream.t) < 4 * STRETCHES:
         return [], None
-    lines = timing('flow', stream)
+    lines = timing('flow', stream, rate_note(recording, 'flow'))
     gaps = np.diff(stream.t)
     long = np.flatnonzero(gaps > PAUSE * np.median(gaps))
     if len(long) > 5:

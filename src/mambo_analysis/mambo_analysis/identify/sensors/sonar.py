@@ -8,6 +8,8 @@ from scipy.ndimage import median_filter
 
 from ..recording import Recording, Stream
 from .phases import LOWEST, NEIGHBOURS
+from .repeats import (
+    filled, NOT_TOLD, only_changes, period, rate_note, shown, smallest_step, undecided)
 from .statistics import Array, median, proportion, resolution, robust_sigma, STRETCHES
 from .table import entry, Measured, timing
 
@@ -25,7 +27,7 @@ def measure(recording: Recording) -> list[Measured]:
     stream = recording.sonar
     if stream is None or np.isfinite(stream.values).sum() < 2 * STRETCHES:
         return []
-    lines = timing('sonar', stream)
+    lines = timing('sonar', stream, rate_note(recording, 'sonar'))
     heard = np.isfinite(stream.values)
     values, n = stream.values[heard], int(heard.sum())
     step = resolution(values)
@@ -35,13 +37,8 @@ def measure(recording: Recording) -> list[Measured]:
         times = int((np.abs(values - pick) < 1e-6).sum())
         lines.append(Measured('sonar', quantity, 'm', float(pick), float(pick), float(pick), n,
                               f'{times} times'))
+    lines += _noise(recording, stream.t[heard], values)
     stray, level = outliers(values)
-    good = (level > LOWEST) & ~stray
-    triples = np.flatnonzero(good[:-2] & good[1:-1] & good[2:])
-    if len(triples) > 3 * STRETCHES:
-        second = np.diff(values, 2)[triples]
-        lines.append(entry('sonar', 'noise', 'm', robust_sigma(second / np.sqrt(6.0)),
-                           len(triples), f'above {LOWEST} m, outliers left out'))
     lines.append(entry('sonar', 'outliers', '1', proportion(int(stray.sum()), n), n))
     late = stray & (values > level)
     if stray.any():
@@ -51,11 +48,45 @@ def measure(recording: Recording) -> list[Measured]:
     if late.sum() >= 5:
         lines.append(entry('sonar', 'excess of late', '1', median(
             values[late] / level[late] - 1.0), late.sum(), 'over the range of the neighbours'))
-    usual = float(np.median(np.diff(stream.t)))
-    lost = _missing(recording, stream, usual)
-    lines.append(entry('sonar', 'dropouts', '1', proportion(lost, n + lost), n + lost,
-                       'reads 0; repeated values are not counted' if recording.held else ''))
+    lines.append(_dropouts(recording, stream, n))
     return lines
+
+
+def _second_differences(values: Array) -> Array:
+    """Return the second differences of the ranges above the floor that are no outliers."""
+    stray, level = outliers(values)
+    good = (level > LOWEST) & ~stray
+    return np.diff(values, 2)[good[:-2] & good[1:-1] & good[2:]]
+
+
+def _noise(recording: Recording, t: Array, values: Array) -> list[Measured]:
+    """Return the line of the noise of ranges, (n,), as far as the recording shows it."""
+    second = _second_differences(values)
+    if len(second) <= 3 * STRETCHES:
+        return []
+    full = None
+    if only_changes(recording, 'sonar'):
+        full = robust_sigma(_second_differences(filled(t, values)) / np.sqrt(6.0))
+    found, note = shown(robust_sigma(second / np.sqrt(6.0)), smallest_step(values), full)
+    return [entry('sonar', 'noise', 'm', found, len(second),
+                  note or f'above {LOWEST} m, outliers left out')]
+
+
+def _dropouts(recording: Recording, stream: Stream, n: int) -> Measured:
+    """Return the line of missing echoes of a sonar with n values."""
+    changes = only_changes(recording, 'sonar') and not recording.held
+    usual = period(stream.t) if changes else float(np.median(np.diff(stream.t)))
+    lost = _missing(recording, stream, usual)
+    found, note = proportion(lost, n + lost), ''
+    if recording.held:
+        note = 'reads 0; repeated values are not counted'
+    elif changes:
+        note = ('not to be told: equal readings are left out, and look like lost ones; at most '
+                f'{found.high:.2g}')
+        found = NOT_TOLD
+    elif undecided(stream):
+        found, note = NOT_TOLD, 'not to be told: readings may be held or equal'
+    return entry('sonar', 'dropouts', '1', found, n + lost, note)
 
 
 def _missing(recording: Recording, stream: Stream, usual: float) -> int:

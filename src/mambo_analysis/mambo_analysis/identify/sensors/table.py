@@ -33,8 +33,8 @@ def entry(
     return Measured(sensor, quantity, unit, *(float(v) for v in found), int(n), note)
 
 
-def timing(sensor: str, stream: Stream) -> list[Measured]:
-    """Return rate and sample intervals of a sensor, pauses excluded."""
+def timing(sensor: str, stream: Stream, note: str = '') -> list[Measured]:
+    """Return rate and sample intervals of a sensor, pauses excluded; a note for the rate."""
     gaps = np.diff(stream.t)
     if len(gaps) < 2 * STRETCHES:
         return []
@@ -45,7 +45,7 @@ def timing(sensor: str, stream: Stream) -> list[Measured]:
               f'{1e3 * gaps.min():.4g} to {1e3 * gaps.max():.4g}'),
         entry(sensor, 'rate', 'Hz', jackknife(
             lambda keep: float(1.0 / short[keep].mean()), len(short)), len(short),
-            'pauses left out')]
+            '; '.join(filter(None, ['pauses left out', note])))]
     return lines
 
 

@@ -1,5 +1,7 @@
 """The flow's lines: its pauses and failures, and by how much it is later than the motion."""
 
+import dataclasses
+
 from mambo_analysis.identify.allan import Interval
 from mambo_analysis.identify.recording import Recording, Stream
 from mambo_analysis.identify.sensors import optical_flow
@@ -81,6 +83,12 @@ def test_pauses_and_how_many_values_lie_between_them():
     assert found['flow', 'values from pause to pause'].value == 15.0
     assert found['flow', 'rate'].value == pytest.approx(1.0 / 0.03)
     assert ('flow', 'pause') not in lines(whole)
+
+
+def test_the_rate_of_a_flow_of_changes_says_so():
+    changes = dataclasses.replace(flight(), changes=frozenset(['optical_flow']))
+    assert 'equal readings are left out' in lines(changes)['flow', 'rate'].note
+    assert lines(flight())['flow', 'rate'].note == 'pauses left out'
 
 
 def test_failures_are_counted_and_left_out_of_the_noise():
