@@ -20,6 +20,7 @@ KINDS = ('nav_msgs/msg/Odometry', 'geometry_msgs/msg/PoseStamped',
 """Message types that hold a motion."""
 POSES = KINDS[1:3]
 """Message types of a motion capture system."""
+ROUNDING = 1e-6  # [-] of the components of a quaternion whose axes were turned
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,6 +99,12 @@ def product(p: Floats, q: Floats) -> Floats:
     vector = pw * qv + qw * pv + np.cross(pv, qv)
     return np.concatenate(
         [vector, pw * qw - (pv * qv).sum(axis=-1, keepdims=True)], axis=-1)
+
+
+def has_attitude(m: Motion) -> bool:
+    """Return whether attitudes were measured: trackers of points alone publish the identity."""
+    q = m.quaternion[np.isfinite(m.quaternion).all(axis=1)]
+    return bool((np.abs(q[:, :3]) > ROUNDING).any())
 
 
 def rotation_vectors(q: Floats) -> Floats:

@@ -190,7 +190,7 @@ def turning(bag: Bag) -> list[str]:
     if not _has(bag, topics.IMU, topics.OPTITRACK):
         return []
     tracked, imu = motion.read(bag, topics.OPTITRACK.name), bag[topics.IMU.name]
-    if not pair.has_attitude(tracked):
+    if not motion.has_attitude(tracked):
         return []
     try:
         flown = time_offset.flight_by_position(tracked.t, tracked.position)
@@ -225,7 +225,7 @@ def seen_flow(bag: Bag) -> list[str]:
     if not _has(bag, topics.IMU, topics.OPTICAL_FLOW, topics.OPTITRACK):
         return []
     tracked = motion.read(bag, topics.OPTITRACK.name)
-    if not pair.has_attitude(tracked) or len(tracked.t) < 3:
+    if not motion.has_attitude(tracked) or len(tracked.t) < 3:
         return []
     _, velocity = derivative.local_fit(tracked.t, tracked.position, tracked.t, derivative.POSITION)
     return bag_doubts.flow(bag, tracked, velocity)

@@ -14,7 +14,7 @@ from mambo_signals.motion import Motion
 from mambo_signals.resample import Floats, Ints
 import numpy as np
 
-from ..importers.checks import plausible
+from ..importers.checks import plausible, turned
 from ..importers.common import quoted, shortened
 
 XYZ = ('x', 'y', 'z')
@@ -30,7 +30,6 @@ simulated flights on right clocks."""
 LEAST_ALIKE = 2
 """Of these signals, how many must be alike: the climb rates of take-off and landing alone, in
 flights of other lengths, fit with a rate, too (8.8 of a hover against a circle)."""
-ROUNDING = 1e-6  # [-] of the components of a quaternion whose axes were turned
 
 
 WHAT = ('time', 'position', 'yaw')
@@ -201,11 +200,13 @@ def _metres(shift: Floats) -> str:
 
 def _turn(a: Motion, b: Motion) -> tuple[float, str]:
     """Return the yaw rotation [rad] from A to B at its stamps, and how it was found."""
-    without = [f'{m.name} of {side}' for side, m in (('A', a), ('B', b)) if not has_attitude(m)]
-    turned = None if without else _turn_by_attitudes(a, b)
+    without = [f'{m.name} of {side}' for side, m in (('A', a), ('B', b))
+               if not motion.has_attitude(m)]
+    attitudes = None if without else _turn_by_attitudes(a, b)
     try:
         turn, how = _turn_by_paths(a, b, time_offset.WORST_YAW)
-        if turned is not None and abs(off := math.remainder(turn - turned, 2.0 * math.pi)) > OTHER:
+        if attitudes is not None and abs(
+                off := math.remainder(turn - attitudes, 2.0 * math.pi)) > OTHER:
             how += (f'; {abs(math.degrees(off)):.0f} deg from the turn of the attitudes: they are '
                     'of other body axes, or a path that repeats, as a circle does, was aligned '
                     'with another part of itself: check the clock, or give --align position')
@@ -219,11 +220,11 @@ def _turn(a: Motion, b: Motion) -> tuple[float, str]:
         except time_offset.AlignError as error:
             raise BagError(f'no yaw found: {error}; {missing}; take yaw out of --align') from None
         return turn, f'{how}; {missing} that could tell it better'
-    if turned is None:
+    if attitudes is None:
         raise BagError(f'no yaw found: the paths do not determine it, and {a.name} of A and '
                        f'{b.name} of B have no attitudes at the same time; take yaw out of '
                        '--align')
-    return turned, (
+    return attitudes, (
         'by the attitudes, as the paths are too small or too different to tell it; right only if '
         'both attitudes are of the same body axes')
 
@@ -239,12 +240,6 @@ def _turn_by_attitudes(a: Motion, b: Motion) -> float | None:
 def _turn_by_paths(a: Motion, b: Motion, worst: float) -> tuple[float, str]:
     found = time_offset.registration(b.position, a.position, worst)
     return found.yaw, f'by the paths, standard error {math.degrees(found.sigma_yaw):.2f} deg'
-
-
-def has_attitude(m: Motion) -> bool:
-    """Return whether attitudes were measured: trackers of points alone publish the identity."""
-    q = m.quaternion[np.isfinite(m.quaternion).all(axis=1)]
-    return bool((np.abs(q[:, :3]) > ROUNDING).any())
 
 
 def _apart(a: Motion, b: Motion) -> str:
@@ -431,6 +426,8 @@ def _between(
     try:
         a, b = motion.read(bag, topic), motion.read(bag, other)
         notes += left_out((a, b))
+        if not simulated(bag) and other in motion.TRUTH and (said := turned.describe(a, b)):
+            notes.append(said)
         if not simulated(bag) and a.frame != b.frame:
             alignment = own_origin(a, b, begins_in_air(
                 a if a.name in motion.TRUTH else b, max(a.stamps[0], b.stamps[0])))

@@ -36,7 +36,7 @@ from mambo_signals.time_offset import (
     unclipped_ranges)
 import numpy as np
 
-from .checks import bag_doubts, plausible
+from .checks import bag_doubts, plausible, turned
 
 POSE = 'optitrack/pose'
 _ADVICE = r'[;:]? (or )?give --offset SECONDS'
@@ -190,7 +190,9 @@ def _motors_run(bag: Bag) -> tuple[float, float]:
 
 def _check_path(path: Path, own: motion.Motion, tracked: motion.Motion, shift: int) -> str:
     """
-    Return a line, or '', on a capture, so many ns late, with another scale than the drone's path.
+    Return a line, or '', on a capture, so many ns late, that contradicts the drone's own path.
+
+    Its positions are turned against its attitude, or in another scale.
 
     Raises
     ------
@@ -198,12 +200,12 @@ def _check_path(path: Path, own: motion.Motion, tracked: motion.Motion, shift: i
         If the capture shows the path mirrored or upside down.
 
     """
-    ours, theirs = plausible.common_path(
-        own, dataclasses.replace(tracked, stamps=tracked.stamps + shift))
+    tracked = dataclasses.replace(tracked, stamps=tracked.stamps + shift)
+    ours, theirs = plausible.common_path(own, tracked)
     flat = ours[:, :2], theirs[:, :2]
     if said := plausible.upside_down(ours, theirs) or plausible.mirrored(*flat):
         raise BagError(f'{path}: {said}: import it with the right axes')
-    said = plausible.other_scale(*flat)
+    said = turned.describe(own, tracked) or plausible.other_scale(*flat)
     return f'warning: {path}: {said}\n' if said else ''
 
 

@@ -274,6 +274,25 @@ def test_a_capture_that_contradicts_the_path_of_the_drone_is_told(change, said):
     assert len(found) == bool(said) and (not said or said in found[0])
 
 
+@pytest.mark.parametrize('frame', ['map', 'odom'])
+@pytest.mark.parametrize('degrees', [0.0, 40.0])
+def test_positions_that_are_turned_against_the_attitude_are_told(tmp_path, degrees, frame):
+    yaw = (0.0, 0.0, math.sin(0.15), math.cos(0.15))
+    with BagWriter(tmp_path / 'bag') as writer:
+        out = Publisher(writer, {'optitrack/pose': 'geometry_msgs/msg/PoseStamped',
+                                 'onboard/odom': 'nav_msgs/msg/Odometry'})
+        for i in range(600):
+            p = np.array([math.sin(0.016 * i), 0.6 * math.sin(0.032 * i), 1.0])
+            seen = Rotation.from_euler('z', degrees, degrees=True).apply(p)
+            out.publish('onboard/odom', i * 20_000_000, 'odom', **out.odometry(
+                out.pose(p, yaw), np.zeros(3), np.zeros(3)))
+            out.publish('optitrack/pose', i * 20_000_000, frame, pose=out.pose(seen, yaw))
+    bag, notes = read_bag(tmp_path / 'bag'), []
+    pair._between(bag, 'onboard/odom', 'optitrack/pose', 'error', None, notes)
+    told = [line for line in notes if 'turned by +40 deg about z against its attitude' in line]
+    assert len(told) == (degrees != 0.0), notes
+
+
 @pytest.mark.parametrize('names, told', [
     (('map',), False), (('map', ''), False), (('map', 'lab'), True)])
 def test_poses_of_several_frames_in_one_topic_are_told(tmp_path, names, told):

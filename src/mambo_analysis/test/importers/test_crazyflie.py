@@ -387,9 +387,9 @@ def test_a_range_that_determines_nothing_leaves_it_to_the_gyro(tmp_path):
 SWAPS = {'y and z': ('y', 'z'), 'x and z': ('x', 'z'), 'x and y': ('x', 'y')}
 
 
-def round_flight():
+def round_flight(log=None):
     """Return a flight on a horizontal circle, which the drone estimates with a small drift."""
-    log = flight()
+    log = flight() if log is None else log
     s = np.array(log['mocap']['time']) + OFFSET
     log['mocap'].update(x=(0.4 * np.cos(0.7 * s)).tolist(), y=(0.4 * np.sin(0.7 * s)).tolist())
     t = np.array(log['drone']['ae483log.p_x']['time'])
@@ -413,6 +413,28 @@ def test_swapped_axes_of_the_motion_capture_are_refused(tmp_path, capsys, swap, 
     assert main([str(source), str(tmp_path / 'bag'), '--mocap-offset', str(OFFSET)]) == 0
     out = capsys.readouterr().out
     assert 'mocap_taken_as_it_is: the ' in out and text in out
+
+
+@pytest.mark.parametrize('degrees', [0.0, 60.0])
+def test_positions_that_are_turned_against_the_attitude_are_refused(tmp_path, capsys, degrees):
+    log = round_flight(turning())  # whose own frame is turned by -90 deg
+    t, psi = np.array(log['mocap']['time']) + OFFSET, log['drone']['ae483log.psi']
+    psi['data'] = (np.interp(psi['time'], t, log['mocap']['yaw']) - 0.5 * np.pi).tolist()
+    for name in ('theta', 'phi'):
+        log['drone'][f'ae483log.{name}']['data'] = [0.0] * 2000
+    xy = (np.array(log['mocap']['x']) + 1j * np.array(log['mocap']['y'])) * np.exp(
+        1j * np.radians(degrees))
+    log['mocap'].update(x=xy.real.tolist(), y=xy.imag.tolist())
+    source = save(tmp_path / 'log.json', log)
+    if degrees == 0.0:
+        assert main([str(source), str(tmp_path / 'bag')]) == 0
+        assert 'about z against its attitude' not in capsys.readouterr().out
+        return
+    text = f'the positions of the motion capture are turned by {degrees:+.0f} deg about z'
+    refuse(source, tmp_path, capsys, text)
+    assert main([str(source), str(tmp_path / 'bag'), '--mocap-offset', str(OFFSET)]) == 0
+    out = capsys.readouterr().out
+    assert f'mocap_taken_as_it_is: {text}' in out and f'optitrack/pose: {text}' in out
 
 
 def test_a_motion_capture_that_turns_otherwise_than_the_gyro_is_refused(tmp_path, capsys):

@@ -409,8 +409,9 @@ def test_a_mirrored_capture_is_refused(change):
     t = np.arange(0.0, 12.0, 0.01)
     stamps = np.round(t * 1e9).astype(np.int64)
     path = np.stack([0.5 * np.cos(t) + 0.05 * t, 0.5 * np.sin(t), 1.0 + 0.0 * t], axis=1)
-    own = motion.Motion('onboard/odom', stamps, path + [3.0, 1.0, 0.0], None)
-    seen = motion.Motion('optitrack/pose', stamps - 5_000_000_000, path, None)
+    unknown = np.full((len(t), 4), np.nan)
+    own = motion.Motion('onboard/odom', stamps, path + [3.0, 1.0, 0.0], unknown)
+    seen = motion.Motion('optitrack/pose', stamps - 5_000_000_000, path, unknown)
     assert join._check_path(Path('take'), own, seen, 5_000_000_000) == ''
     larger = dataclasses.replace(seen, position=1.5 * path)
     assert join._check_path(Path('take'), own, larger, 5_000_000_000) == (
@@ -426,3 +427,17 @@ def test_a_mirrored_capture_is_refused(change):
     seen = dataclasses.replace(seen, position=path * change if change else path[:, [1, 0, 2]])
     with pytest.raises(BagError, match='take: the motion capture shows the mirror image .* axes'):
         join._check_path(Path('take'), own, seen, 5_000_000_000)
+
+
+@pytest.mark.parametrize('degrees', [0.0, 40.0, 180.0])
+def test_positions_that_are_turned_against_the_attitude_are_told(degrees):
+    t = np.arange(0.0, 20.0, 0.01)
+    stamps = np.round(t * 1e9).astype(np.int64)
+    path = np.stack([np.sin(0.8 * t), 0.6 * np.sin(1.6 * t), 1.0 + 0.0 * t], axis=1)
+    yaw = np.tile(Rotation.from_euler('z', 0.3).as_quat(), (len(t), 1))
+    own = motion.Motion('onboard/odom', stamps, path, yaw)
+    seen = motion.Motion('optitrack/pose', stamps - 5_000_000_000, Rotation.from_euler(
+        'z', degrees, degrees=True).apply(path), yaw)
+    said = join._check_path(Path('take'), own, seen, 5_000_000_000)
+    assert not said if degrees == 0.0 else said.startswith(
+        'warning: take: the positions of the motion capture are turned by ')

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from . import motion_doubts, plausible, powertrain, slips, stopped, tilts
+from . import motion_doubts, plausible, powertrain, slips, stopped, tilts, turned
 from ..common import NAMESPACE
 from .stopped import CLIMB, OWN, REACH, STOPPED, TRACKED
 
@@ -394,11 +394,13 @@ def _paths(own: Motion, tracked: Motion) -> list[str]:
     ours, theirs = plausible.common_path(own, tracked)
     if said := height_check.other_axis(ours[:, 2], theirs, f'the height of {OWN}'):
         return [f'{TRACKED}: {said}']
-    said = plausible.upside_down(ours, theirs) or plausible.mirrored(
-        ours[:, :2], theirs[:, :2]) or plausible.other_scale(ours[:, :2], theirs[:, :2])
-    if said:
+    flat = ours[:, :2], theirs[:, :2]
+    said = plausible.upside_down(ours, theirs) or plausible.mirrored(*flat)
+    if not said and (turn := turned.describe(own, tracked)):
+        return [f'{TRACKED}: {turn}']
+    if said := said or plausible.other_scale(*flat):
         return [f'{TRACKED}: {said}: check {OWN}, too']
-    if (share := plausible.alike(ours[:, :2], theirs[:, :2])) < plausible.LEAST_ALIKE:
+    if (share := plausible.alike(*flat)) < plausible.LEAST_ALIKE:
         return [f'{OWN}: only {100.0 * share:.0f} % of its path is that of {TRACKED}, turned and '
                 'scaled as it fits best: it has diverged, or is not of this flight']
     return []
