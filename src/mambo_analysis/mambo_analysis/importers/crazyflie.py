@@ -55,8 +55,7 @@ Contradictions
     with its axes in another order or sign, is refused; so is a motion capture that turns otherwise
     than the gyro (:mod:`mambo_signals.gyro_check`), whose clock jumps within the flight or runs
     at a wrong rate (:mod:`mambo_signals.clock_check`), whose height is along another axis
-    than z by the range, whose path is the mirror image of the drone's, or whose positions are
-    turned about z against its attitude (:mod:`.checks.turned`). With
+    than z by the range, or whose path is the mirror image of the drone's. With
     ``--mocap-offset SECONDS`` such a motion capture is taken as it is, with a line that says so. A
     scale of it that is wrong by a few percent does not show: the range changes by 0.990 to 1.014 m
     for a metre of height in five real flights. Beyond 5 % a line says so.
@@ -77,8 +76,7 @@ from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
 from mambo_signals import clock_check, frozen, gyro_check, height_check, outliers
 from mambo_signals.derivative import body_rates
-from mambo_signals.motion import Motion
-from mambo_signals.resample import continuous_quaternions, interpolate
+from mambo_signals.resample import interpolate
 from mambo_signals.time_offset import (
     AlignError, most_precise, Offset, offsets, RANGE_LATE, refuse_uncertain, time_offset,
     UncertainError)
@@ -86,7 +84,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from .checks import bag_doubts, crazyflie_doubts, plausible, slips, turned
+from .checks import bag_doubts, crazyflie_doubts, plausible, slips
 from .common import (
     estimator_parameters, importer_parser, is_sound, LONGEST, NAMESPACE, new_samples, ONLY_CHANGES,
     provenance, Publisher, read_source, refuse_options, report, Source, stamps_ns, unused)
@@ -443,20 +441,6 @@ def _paths(log: Log, offset: float) -> tuple[Floats, Floats]:
     return rows[:, :2], rows[:, 2:]
 
 
-def _odometry(log: Log) -> tuple[Floats, Floats]:
-    """Return times, (n,) s, and the drone's own state then, (n, k): what ``ODOMETRY`` names."""
-    t = log.drone[ODOMETRY[0]][0]
-    state = log.at(t, *ODOMETRY)
-    known = np.isfinite(state).all(axis=1)
-    return t[known], state[known]
-
-
-def _poses(name: str, times: Floats, position: Floats, yaw_pitch_roll: Floats) -> Motion:
-    """Return poses, (n, 3) m and (n, 3) rad, as a motion."""
-    attitude = np.array(_attitude(yaw_pitch_roll)).reshape(-1, 4)
-    return Motion(name, stamps_ns(times), position, continuous_quaternions(attitude))
-
-
 def _publish_imu(log: Log, out: Publisher, level: bool) -> None:
     names, unit = ('w_x', 'w_y', 'w_z'), 1.0
     if not log.has(*names):
@@ -522,7 +506,10 @@ def _publish_onboard(log: Log, out: Publisher) -> None:
             if np.isfinite(row).all():
                 out.publish('motor_pwm', stamp, '', pwm=row)
     if log.has(*ODOMETRY):
-        t, state = _odometry(log)
+        t = log.drone[ODOMETRY[0]][0]
+        state = log.at(t, *ODOMETRY)
+        known = np.isfinite(state).all(axis=1)
+        t, state = t[known], state[known]
         attitude = _attitude(state[:, 3:6])
         for stamp, row, q in zip(stamps_ns(t).tolist(), state.tolist(), attitude):
             out.publish('onboard/odom', stamp, 'odom',
@@ -616,11 +603,6 @@ def _contradictions(log: Log, moving: dict[str, Pair], offset: float) -> list[st
         out.append(height_check.other_axis(r[both], position[both]))
     if log.has('p_x', 'p_y'):
         out.append(plausible.mirrored(*_paths(log, offset)))
-    if log.has(*ODOMETRY):
-        t, state = _odometry(log)
-        out.append(turned.describe(
-            _poses('onboard/odom', t, state[:, :3], state[:, 3:6]),
-            _poses('optitrack/pose', times, log.mocap[:, 1:4], log.mocap[:, 4:])))
     if log.has(*RATES):
         t = log.drone['w_x'][0]
         run = _motors_run(log)
