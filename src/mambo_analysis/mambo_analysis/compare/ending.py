@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 import re
 from typing import Any
 
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag
+from mambo_control.failsafe import REASONS, STAGES
 from mambo_estimation.capture.report import longest
 from mambo_model.motion.flight_command import SETPOINT
-from mambo_model.motion.height_check import flight_fault, idle_fault, over_in_the_air
+from mambo_model.motion.height_check import DROP, flight_fault, idle_fault, over_in_the_air
 from mambo_model.motion.trajectory import in_flight, LANDED, LANDING
 from mambo_model.script import python
 from mambo_signals.resample import Ints
@@ -110,15 +111,29 @@ def _newest(stamps: Ints, at: Ints) -> Ints:
     return np.where(found >= 0, order[found], -1)
 
 
-def _shut_down(bag: Bag) -> str:
-    """Return when a controller that reports nothing shut the motors down in flight, or ''."""
+def _shut_down(bag: Bag, told: Sequence[str]) -> str:
+    """
+    Return when the controller shut the motors down in flight, or ''.
+
+    After what is told already only how high above the floor it did, if that is not told.
+    """
     if (rows := _beside_reference(bag, 'motor_pwm')) is None:
         return ''
     (at, asked), motors = rows, bag['motor_pwm']
     down = motors['shutdown'][at].astype(bool) & python(in_flight)(bag['reference'].phase[asked])
     if not down.any():
         return ''
-    return f'the controller shut the motors down at {motors.t[at[down.argmax()]]:.3f} s'
+    row = at[down.argmax()]
+    t, reason = motors.t[row], int(motors['reason'][row])
+    said = f'the controller shut the motors down at {t:.3f} s'
+    if not told:
+        return said
+    if any(STAGES[-1] in line for line in told) or 'ground_truth/odom' not in bag:
+        return ''
+    truth = bag['ground_truth/odom']
+    height = float(truth.position[max(np.searchsorted(truth.t, t, 'right') - 1, 0), 2])
+    why = f': {REASONS[reason]}' if 0 < reason < len(REASONS) else ''
+    return f'{said}, {height:.2f} m above the floor{why}' if height > DROP else ''
 
 
 def statuses(bag: Bag) -> Iterator[tuple[float, Any]]:
@@ -206,8 +221,9 @@ def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
     Returns
     -------
     Lines: a failsafe that ended the flight before its landing, and motors stopped by their
-    watchdog; without either, motors that a controller shut down in flight; a vehicle that was far
-    from its reference or fell; motors that turned while the reference asked for none; less flown
+    watchdog; motors that a controller shut down in flight, after a failsafe only above the floor,
+    as it stops them when it has landed; a vehicle that was far from its reference or fell; motors
+    that turned while the reference asked for none; less flown
     than the scenario in the bag asks for.
 
     """
@@ -220,7 +236,7 @@ def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
             first.add(status.name)
             lines.append(f'{status.name} at {t:.3f} s: {status.message}')
     if not carried:
-        lines += [] if lines else filter(None, [_shut_down(bag)])
+        lines += filter(None, [_shut_down(bag, lines)])
         lines += filter(None, [_flight_fault(bag, bool(lines)), _idle_fault(bag)])
     clock = next((name for name in ('/clock', 'clock') if name in bag), None)
     planned = _planned(bag)

@@ -125,6 +125,18 @@ def test_motors_that_a_controller_shut_down_without_a_report_are_told(tmp_path):
     assert ended_early(carried) == []
 
 
+@pytest.mark.parametrize(('height', 'reason', 'told'), [
+    ((9.0, 8.9, 8.7), 1, ', 8.90 m above the floor: tilt limit'),
+    ((1.0, 0.9, 0.8), 200, ', 0.90 m above the floor'),
+    ((0.2, 0.14, 0.0), 1, None)])
+def test_a_shutdown_above_the_floor_after_a_failsafe_is_told(tmp_path, height, reason, told):
+    blind = 'descending blind: estimate lost or unusable'
+    flight = bag(tmp_path / 'bag', 'controller_node', diagnostics.ERROR, height=height, down=True,
+                 reason=reason, line=(blind,) * 3)
+    assert ended_early(flight) == [f'controller_node at 1.000 s: {blind}'] + (
+        [] if told is None else [f'the controller shut the motors down at 2.000 s{told}'])
+
+
 def test_a_controller_that_gives_up_after_the_landing_ends_nothing(tmp_path):
     for name, first, said in (('a', 1, [f'controller_node at 1.000 s: {LINE}']), ('b', 2, [])):
         assert ended_early(bag(tmp_path / name, 'controller_node', diagnostics.ERROR, height=0.0,

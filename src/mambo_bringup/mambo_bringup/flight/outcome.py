@@ -70,8 +70,9 @@ class Outcome:
             return ''
         said = f'warning: {min(share, 1.0):.0%} of the steps had no motor command in time'
         # a flight that failed has its reason: a lost stream is answered late, a killed node never
-        return said if self.fault else (f'{said}: the controller or the machine is too slow: fly '
-                                        'with a lower --speed, or in lockstep')
+        return said if self.fault else (f'{said}: a node stood still, or the controller or the '
+                                        'machine is too slow: then fly with a lower --speed, or '
+                                        'in lockstep')
 
     def spent(self) -> str:
         """Return the CPU time and memory of the nodes as one line, the largest first."""

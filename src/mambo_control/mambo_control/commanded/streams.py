@@ -15,6 +15,7 @@ from mambo_model.frames import flip_vector
 from mambo_model.motion.flatness import from_flat_output, Reference
 from mambo_model.motion.flight_command import (
     FlightCommand, GO_TO, LAND, SETPOINT, STOP, TAKEOFF, VELOCITY)
+from mambo_model.motion.polynomial import Array
 from mambo_model.motion.quaternion import to_euler
 from mambo_model.motion.vector import Vec3
 from mambo_model.vehicle.parameters import Vehicle
@@ -26,6 +27,8 @@ from .maneuvers import extrapolated
 from .timeline import state_of
 
 REST = 200_000_000  # ns of flight time after a refusal
+_CHANGE = 0.6  # s, that a change of velocity by up to 0.5 m/s takes; a larger one may take longer
+_MARGIN = 0.005  # m before the edge of the volume, from where on a stick asks for nothing
 LATE = 2  # setpoints in a row that may be old: the last of a stream and the first of the next one
 Give = Callable[[FlightCommand], str]  # carries a command out; returns why it was refused
 
@@ -74,6 +77,7 @@ class Joystick:
 
     def __init__(self, commander: Commander, params: CommandParams, give: Give) -> None:
         self._commander, self._p, self._give = commander, params.joystick, give
+        self._volume = params
         self._held = frozenset[int]()  # buttons of the message before
         self._due, self._active = 0, False  # ns; whether the vehicle follows the sticks
 
@@ -94,8 +98,30 @@ class Joystick:
         elif (wanted := sticks(axes, p)) is not None and self._commander.next_step >= self._due:
             self._fly(wanted)
 
+    def _slowed(self, state: Array, velocity: Vec3) -> Vec3:
+        """
+        Return a velocity, m/s inertial NED, that rest inside of the volume can follow.
+
+        Parameters
+        ----------
+        state : (4, 5)
+            Present reference.
+        velocity : m/s
+            As the sticks ask for it.
+
+        """
+        p, out = self._volume, []
+        low, high = ((-p.x_limit, -p.y_limit, -p.ceiling), (p.x_limit, p.y_limit, -p.lowest))
+        for axis, v in enumerate(velocity):
+            x, before = float(state[axis, 0]), float(state[axis, 1])
+            room = high[axis] - x if v > 0.0 else x - low[axis]
+            room -= 0.5 * _CHANGE * max(math.copysign(before, before * v), 0.0)
+            most = max(room - _MARGIN, 0.0) / (self._p.timeout + _CHANGE)
+            out.append(max(-most, min(most, v)))
+        return out[0], out[1], out[2]
+
     def _fly(self, wanted: tuple[float, float, float, float]) -> None:
-        """Give a velocity; at the edge of the volume, what of it stays inside."""
+        """Give a velocity; near the edge of the volume, what of it stays inside."""
         now = self._commander.next_step
         if self._active and not self._commander.timeline.streamed:
             return  # another command came in between: until the button is let go
@@ -106,10 +132,11 @@ class Joystick:
         yaw = float(state[3, 0])
         forward, right = wanted[0], -wanted[1]
         s, c = sin_cos(yaw)
-        x = forward * c - right * s
-        y = forward * s + right * c
-        z = -wanted[2]
-        for velocity in dict.fromkeys(((x, y, z), (x, 0.0, z), (0.0, y, z), (x, y, 0.0))):
+        whole = self._slowed(state, (
+            forward * c - right * s, forward * s + right * c, -wanted[2]))
+        parts = [tuple(v if k != axis else 0.0 for k, v in enumerate(whole))
+                 for axis in sorted(range(3), key=lambda axis: abs(whole[axis]))]
+        for velocity in dict.fromkeys((whole, *parts)):
             if not self._give(FlightCommand(
                     0, VELOCITY, velocity=velocity, yaw_rate=-wanted[3],
                     duration=self._p.timeout)):

@@ -20,6 +20,7 @@ from mambo_model.errors import InputError
 from mambo_model.motion import flight_command as fc, uav_trajectories
 from mambo_model.motion.flight_command import FlightCommand
 from mambo_model.motion.polynomial import Array, DEGREE, jet, settled, state_at, stretched
+from mambo_model.motion.rigid_body import LIFTED
 from mambo_model.motion.trajectory import GROUND, LANDED, LANDING, TAKEOFF, TRACK
 from mambo_model.schema import ParameterError
 from mambo_model.vehicle.parameters import Vehicle
@@ -123,6 +124,9 @@ def step(
         if waits and command.kind in (fc.LAND, fc.STOP) or begins and command.kind == fc.LAND:
             # gives the take-off up
             return _joined(timeline, command, [], state[:, 0], phase=GROUND), ''
+        if phase == TAKEOFF and -state[2, 0] < LIFTED and command.kind == fc.LAND:
+            # there is nothing to descend: the motors stop at once
+            return _joined(timeline, command, [], _on_floor(state)[:, 0], phase=LANDED), ''
         segments, end = _plan(command, state, phase, p, vehicle)
         if waits or begins:
             segments = _taking_off(segments)
@@ -268,6 +272,11 @@ def _check(
                       f't = {timeline.until:.3f} s')
 
 
+def _on_floor(state: Array) -> Array:
+    """Return rest on the floor below a state, (4, 5)."""
+    return at_rest(state[:, 0] * np.array([1.0, 1.0, 0.0, 1.0]))
+
+
 def _plan(
     c: FlightCommand, state: Array, phase: int, p: CommandParams, vehicle: Vehicle,
 ) -> Way:
@@ -275,7 +284,7 @@ def _plan(
     waiting = ALIGNING - c.t * 1e-9
     before = [rest(state[:, 0], GROUND, waiting)] if phase == GROUND and waiting > 0.0 else []
     if phase == LANDED:
-        state = at_rest(state[:, 0] * np.array([1.0, 1.0, 0.0, 1.0]))
+        state = _on_floor(state)
     build, tries = _BUILDERS[c.kind](c, state, p)
     first, longer = '', 1.0
     for _ in range(tries):

@@ -129,6 +129,21 @@ def test_at_the_edge_the_vehicle_glides_along_it(flight, joystick):
     assert flight.state()[0][1, 0] < -0.5  # left is -y in NED
 
 
+@pytest.mark.parametrize(('stick', 'axis', 'edge'), [
+    ({'up': -1.0}, 2, -0.5), ({'up': 1.0}, 2, -3.0), ({'forward': 1.0}, 0, 5.0),
+    ({'left': 1.0}, 1, -5.0), ({'forward': -0.3}, 0, -5.0)])
+def test_a_stick_flies_up_to_the_edge_of_the_volume(flight, joystick, stick, axis, edge):
+    flight.give(FlightCommand(0, fc.GO_TO, position=(0.0, 0.0, -1.0)))
+    flight.go(10.0)
+    before, step = len(flight.given), 0.05
+    for _ in range(round(30.0 / step)):
+        joystick.take(axes(**stick), HELD)
+        flight.go(step)
+    assert flight.state()[0][axis, 0] == pytest.approx(edge, abs=0.01)
+    refused = [reason for _, reason in flight.given[before:] if reason]
+    assert len(refused) < 0.1 * (30.0 / step)
+
+
 def reference(t, **plan):
     return reference_at(t, FlightPlanParams(takeoff='none', **plan), V)[0]
 
