@@ -22,7 +22,7 @@ GRAVITY = 9.81  # m/s^2
 HALF = 10       # steps, half of the span of a second difference
 STEP = 0.02     # s
 LONGEST = 600.0  # s of a flight that are compared
-GAP = 0.1       # s, over which poses are connected
+GAP = 0.15      # s, over which poses are connected: of 10 Hz too, if their times are uneven
 LOWEST = 0.1    # m above the floor, at which the vehicle flies
 FASTEST = 15.0  # m/s^2; more is a jump
 STEEPEST = 0.3  # cosine of the largest tilt that counts
@@ -42,19 +42,22 @@ DRAG = np.linspace(0.0, 0.7, 8)  # 1/s; 0.25 to 0.54 of the vehicles known here
 RATIO = (0.65, 1.2)  # accelerations over tilts: the least of all, the largest explained by tilts
 
 
-def _signals(one: Motion) -> tuple[Floats, Floats, Floats] | None:
+def _signals(one: Motion) -> tuple[Floats, Floats, Floats, Floats] | None:
     """
-    Return acceleration, g times tilt and velocity over time, x + iy, (n,) complex m/s^2, m/s.
+    Return acceleration, g times tilt and velocity over time, and the cosine of the tilt.
 
-    NaN on the floor and in gaps of the poses; None if the recording is too short.
+    The first three are x + iy, (n,) complex m/s^2, m/s. NaN where they are not known: in gaps of
+    the poses, on the floor, and the tilt at cosines below ``STEEPEST``. None if the recording is
+    too short.
     """
     known = np.isfinite(one.quaternion).all(axis=1)
     grid = np.arange(one.t[0], min(one.t[-1], one.t[0] + LONGEST), STEP)
     if known.sum() < 2 or len(grid) < 2 * HALF + len(DELAYS) + LEAST_ROWS:
         return None
     up = Rotation.from_quat(one.quaternion[known]).as_matrix()[:, :, 2]
-    tilt = up[:, :2] / np.where(up[:, 2:] > STEEPEST, up[:, 2:], np.nan)
-    tilt = interpolate(grid, one.t[known], tilt, GAP) @ (1.0, 1.0j)
+    up = interpolate(grid, one.t[known], up, GAP)
+    cosine = up[:, 2]
+    tilt = up[:, :2] / np.where(cosine > STEEPEST, cosine, np.nan)[:, None] @ (1.0, 1.0j)
     position = interpolate(grid, one.t, one.position, GAP)
     low, high = np.percentile(one.position[:, 2], (1.0, 95.0))
     if high - low > 2.0 * LOWEST:  # otherwise all of it is in the air
@@ -64,7 +67,8 @@ def _signals(one: Motion) -> tuple[Floats, Floats, Floats] | None:
     force[~(np.abs(force) < FASTEST)] = np.nan
     velocity = (path[2 * HALF:] - path[:-2 * HALF]) / (2 * HALF * STEP)
     weights = np.convolve(np.ones(HALF), np.ones(HALF)) / HALF**2
-    return force, GRAVITY * np.convolve(tilt, weights, 'same')[HALF:-HALF], velocity
+    tilt = GRAVITY * np.convolve(tilt, weights, 'same')
+    return force, tilt[HALF:-HALF], velocity, cosine[HALF:-HALF]
 
 
 def _correlation(force: Floats, tilt: Floats) -> complex:
@@ -122,8 +126,9 @@ def describe(one: Motion) -> str:
     signals = _signals(one)
     if signals is None:
         return ''
-    flying = np.isfinite(signals[0])
-    if flying.sum() >= LEAST_ROWS and (steep := np.isnan(signals[1][flying]).mean()) > 0.5:
+    *signals, cosine = signals
+    cosine = cosine[np.isfinite(signals[0]) & np.isfinite(cosine)]  # in the air, where known
+    if len(cosine) >= LEAST_ROWS and (steep := (cosine <= STEEPEST).mean()) > 0.5:
         return (f'its attitude is on its side or upside down in {100.0 * steep:.0f} % of the '
                 'flight: check its axes and the order of the quaternion (x y z w)')
     pairs = {delay: _pair(*signals, delay) for delay in DELAYS}

@@ -53,6 +53,26 @@ def test_a_flight_is_as_its_tilts_say():
     assert tilts.describe(flight()) == ''
 
 
+@pytest.mark.parametrize('rate', [20.0, 10.0, 9.0, 8.0, 5.0])
+@pytest.mark.parametrize('jitter', [0.0, 0.003])
+def test_a_flight_of_few_poses_is_not_on_its_side(rate, jitter):
+    """Steps of 10 Hz are 0.1 s, some a rounding error longer, or later by milliseconds."""
+    one = flight(rate=rate, period=(5.0, 4.0), length=30.0)
+    late = np.random.default_rng(1).uniform(-jitter, jitter, len(one.stamps))
+    one = dataclasses.replace(one, stamps=one.stamps + np.rint(late * 1e9).astype(int))
+    assert tilts.describe(one) == ''
+    if rate > 5.0:  # at 5 Hz the tilt between poses is not known
+        swapped = dataclasses.replace(one, quaternion=one.quaternion[:, [3, 0, 1, 2]])
+        assert 'upside down in 100 % of the flight' in tilts.describe(swapped)
+
+
+def test_an_attitude_that_is_hardly_known_is_not_on_its_side():
+    one = flight(length=30.0)
+    q = one.quaternion.copy()
+    q[np.arange(len(q)) % 40 > 0] = np.nan  # every 0.4 s
+    assert tilts.describe(dataclasses.replace(one, quaternion=q)) == ''
+
+
 @pytest.mark.parametrize('period', [(4.0, 2.7), (6.3, 5.0), (7.5, 7.5)])
 def test_drag_is_no_delay(period):
     """At 1 rad/s a drag of 0.54 1/s makes accelerations lead the tilts by 0.5 s."""
