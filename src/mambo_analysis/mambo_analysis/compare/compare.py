@@ -168,7 +168,8 @@ def _doubts(bag: Bag) -> list[str]:
     """Return what a reader must know about the messages of a bag, one line each."""
     return [*bag.notes, *refused_messages(bag), *without_poses(bag), *landed_by_itself(bag),
             *ended_in_the_air(bag), *stamps.doubtful(bag), *damaged.not_finite(bag),
-            *stamps.repeated(bag, motion.MOTIONS), *height_check.of_bag(bag)]
+            *damaged.poses_not_finite(bag), *stamps.repeated(bag, motion.MOTIONS),
+            *height_check.of_bag(bag)]
 
 
 def compare(bag: Bag) -> dict[str, Any]:
@@ -285,7 +286,9 @@ def compare_replay(origin: Bag, answer: Bag) -> str:
                if lacking else 'the estimator did not answer')
         raise BagError(f'{answer.path}: no estimate/odom, {why}')
     estimate, parts, lines = answer['estimate/odom'], phases(origin), []
-    notes = [*origin.notes, *stamps.doubtful(origin), *damaged.not_finite(origin)]
+    notes = [*origin.notes, *stamps.doubtful(origin), *damaged.not_finite(origin),
+             *(f'{name}: {line}' for name, bag in (('recorded', origin), ('replayed', answer))
+               for line in damaged.poses_not_finite(bag))]
     sections = []
     if 'estimate/odom' in origin:
         lines += _identical(origin['estimate/odom'], estimate)

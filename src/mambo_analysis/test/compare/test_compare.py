@@ -2,7 +2,8 @@
 
 import json
 
-from mambo_analysis.compare.compare import align, compare, compare_replay, main, phases, table
+from mambo_analysis.compare.compare import (
+    align, compare, compare_bags, compare_replay, main, phases, table)
 from mambo_bags.reader import BagError, read_bag
 import numpy as np
 import pytest
@@ -75,6 +76,27 @@ def test_messages_that_nobody_can_read_are_left_out_with_a_note(tmp_path, capsys
     out = capsys.readouterr().out
     assert 'note: 10 of 10 messages of /mambo/motor_pwm are not a mambo' in out
     assert '  whole flight       1.0000' in out
+
+
+@pytest.mark.parametrize('topic', ['estimate/odom', 'ground_truth/odom'])
+def test_positions_that_are_lost_on_the_way_are_noted(tmp_path, topic, capsys):
+    topics = ('estimate/odom', 'ground_truth/odom')
+    maker = Maker(tmp_path / 'b', topics)
+    for step in range(200):
+        for name in topics:
+            lost = name == topic and step >= 120
+            maker.odometry(name, step * STEP, (np.nan if lost else 0.01 * step, 0.0, 1.0))
+    maker.writer.close()
+    assert main([str(tmp_path / 'b')]) == 0
+    line = (f'/mambo/{topic}: 80 of 200 positions are not finite, the first at 0.600 s: they '
+            'are not compared. None of the last 0.400 s is: the last one that counts is at '
+            '0.595 s')
+    assert f'note: {line}' in capsys.readouterr().out
+    bag, again = read_bag(tmp_path / 'b'), read_bag(tmp_path / 'b')
+    text = compare_replay(bag, again)
+    assert f'note: recorded: {line}' in text and f'note: replayed: {line}' in text
+    notes = compare_bags(bag, again)[0]['notes']
+    assert f'A: {line}' in notes and f'B: {line}' in notes
 
 
 def test_an_unknown_blend_is_assumed_and_said(tmp_path):
