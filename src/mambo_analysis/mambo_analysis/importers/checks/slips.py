@@ -2,8 +2,10 @@
 Steps of a tracked position that stay: a marker that slipped, or a tracker that was set anew.
 
 Between two frames a vehicle moves about as far as between those beside them. A position that is
-off once goes back at the next frame; after a slip all later ones are off. Attitudes are not
-judged: a bump at take-off turns a small vehicle as far from one frame to the next.
+off once goes back at the next frame; after a slip all later ones are off. A drone whose motors
+stop falls, and stays on the floor: what the velocity of the step before and an acceleration of g
+explain is no slip, which is 1 mm at 100 Hz and 0.1 m at 10 Hz. Attitudes are not judged: a bump at
+take-off turns a small vehicle as far from one frame to the next.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ BESIDE = 5    # frames on each side that say how far is usual
 LEAST = 0.02  # m; in some 130 real takes there is no step as long that stays
 FAR = 10.0    # times the usual scatter of the steps beside
 STAYS = 0.7   # share of the step between positions BESIDE frames before and after
+FALL = 1.1 * 9.81  # m/s^2; a tenth more than g, for times and positions that are not exact
 CLOSE = 1.5   # median periods between frames that count as neighbours
 
 
@@ -38,6 +41,8 @@ def steps(times: Floats, position: Floats) -> list[tuple[float, float]]:
     for k in np.flatnonzero(np.linalg.norm(moves, axis=1) > LEAST):
         around = np.r_[k - BESIDE:k, k + 1:k + 1 + BESIDE]
         if around[0] < 0 or around[-1] >= len(moves) or not (near[k] and near[around].all()):
+            continue
+        if np.linalg.norm(moves[k] - moves[k - 1]) < FALL * periods[k] ** 2:
             continue
         usual = np.median(moves[around], axis=0)
         scatter = float(np.median(np.linalg.norm(moves[around] - usual, axis=1)))

@@ -35,3 +35,20 @@ def test_what_does_not_stay_or_may_be_motion_is_not_told(case):
     elif case == 'edge':
         position[597:] += 0.1
     assert not slips.describe('optitrack/pose', t, position)
+
+
+@pytest.mark.parametrize('rate', [10.0, 12.0, 20.0, 50.0])
+@pytest.mark.parametrize('begin', 0.01 * np.arange(10))
+def test_a_fall_to_the_floor_is_no_slip_at_any_rate(rate, begin):
+    """The motors stop 7 cm above the floor, from which a free fall takes 0.12 s."""
+    t = np.arange(0.0, 6.0, 1.0 / rate)
+    fallen = 0.5 * 9.81 * np.clip(t - 3.0 - begin, 0.0, None)**2
+    height = np.maximum(0.07 - fallen, 0.0)
+    assert not slips.steps(t, np.column_stack([0.0 * t, 0.0 * t, height]))
+
+
+def test_a_long_slip_is_told_at_10_hz_too():
+    t = np.arange(0.0, 6.0, 0.1)
+    position = np.column_stack([0.1 * np.sin(t), 0.0 * t, 1.0 + np.where(t < 2.95, 0.0, 0.3)])
+    (at, length), = slips.steps(t, position)
+    assert at == pytest.approx(3.0) and length == pytest.approx(0.3, abs=2e-3)
