@@ -95,3 +95,14 @@ def test_another_scale_is_told_at_constant_speed(factor, told):
     if told:
         ratio = float(found[0].split()[3])
         assert found[0].startswith('the velocity is ') and ratio == pytest.approx(0.5, abs=0.01)
+
+
+@pytest.mark.parametrize('rate', [20.0, 10.0, 8.0])
+def test_another_velocity_is_told_at_low_rates_too(rate):
+    """Steps of 10 Hz are 0.1 s, some a rounding error longer."""
+    t = np.arange(0.0, 40.0, 1.0 / rate)
+    position = np.column_stack([np.sin(0.9 * t), np.cos(1.3 * t), 1.0 + 0.3 * np.sin(0.5 * t)])
+    velocity = np.gradient(position, 1.0 / rate, axis=0)
+    line, = motion_doubts.own_velocity(t, position, velocity * [0.7, 1.0, 1.0], NAMES, RATES)
+    assert line.startswith('v_x is 0.')
+    assert not motion_doubts.own_velocity(t, position, velocity, NAMES, RATES)
