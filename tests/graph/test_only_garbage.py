@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+import re
 import sys
 import time
 
@@ -66,7 +67,9 @@ def test_a_flight_whose_only_controller_publishes_garbage_ends(
     assert code == 1 and took < BUSY, (out, err)
     assert len(lines) == 1 and 'no motor_pwm' in lines[0], (out, err)
     assert 'Traceback' not in out + err
-    assert ('note: 400 of ' in out) == ((bag / 'index.html').exists()) == (kind in REPORTED)
+    # 400 steps of 2 s of patience; by the wall clock some more or less
+    noted = re.search(r'note: (39[89]|40[012]) of ', out) is not None
+    assert noted == (bag / 'index.html').exists() == (kind in REPORTED)
     recorded = read_bag(bag)
     assert 'state: recording' not in (bag / 'metadata.yaml').read_text()
     truth = recorded['ground_truth/odom']
