@@ -131,7 +131,8 @@ def _shut_down(bag: Bag, told: Sequence[str]) -> str:
     if any(STAGES[-1] in line for line in told) or 'ground_truth/odom' not in bag:
         return ''
     truth = bag['ground_truth/odom']
-    height = float(truth.position[max(np.searchsorted(truth.t, t, 'right') - 1, 0), 2])
+    newest = int(_newest(truth.stamp, motors.stamp[[row]])[0])
+    height = float(truth.position[max(newest, 0), 2])
     why = f': {REASONS[reason]}' if 0 < reason < len(REASONS) else ''
     return f'{said}, {height:.2f} m above the floor{why}' if height > DROP else ''
 
@@ -223,8 +224,8 @@ def ended_early(bag: Bag, is_told: bool = False) -> list[str]:
     Lines: a failsafe that ended the flight before its landing, and motors stopped by their
     watchdog; motors that a controller shut down in flight, after a failsafe only above the floor,
     as it stops them when it has landed; a vehicle that was far from its reference or fell; motors
-    that turned while the reference asked for none; less flown
-    than the scenario in the bag asks for.
+    that turned while the reference asked for none; less flown than the scenario in the bag asks
+    for.
 
     """
     lines, first = [], set()

@@ -63,13 +63,8 @@ def race(
     """
     if (folder / 'metadata.yaml').exists():
         raise InputError(f'{folder}: is a bag; give a folder for the page')
-    ended = (folder / NUMBERS).exists() or not any(
-        _journal(folder, state).exists() for state in states)
-    if not add and ended:
-        for name in (PAGE, NUMBERS, *map(_picture, conditions)):
-            if (folder / name).exists():
-                raise InputError(f'{folder / name} exists: --add keeps what it has; or give '
-                                 'another --output or remove it')
+    if not add:
+        _refuse_ended(folder, conditions, states)
     steps, before = report.load(folder / NUMBERS) if add else ({}, [])
     folder.mkdir(parents=True, exist_ok=True)
     found: list[report.Result] = []
@@ -97,6 +92,17 @@ def race(
     for journal in journals:
         journal.remove()
     return faults
+
+
+def _refuse_ended(folder: Path, conditions: Sequence[str], states: Sequence[str]) -> None:
+    """Raise InputError if a folder has files of a race, unless that one is unfinished."""
+    if not (folder / NUMBERS).exists() and any(
+            _journal(folder, state).exists() for state in states):
+        return
+    for name in (PAGE, NUMBERS, *map(_picture, conditions)):
+        if (folder / name).exists():
+            raise InputError(f'{folder / name} exists: --add keeps what it has; or give another '
+                             '--output or remove it')
 
 
 def _journal(folder: Path, state: str) -> Path:

@@ -10,7 +10,7 @@ from ..allan import (
     allan, Allan, bias_instability, deviation_at_rest, random_walk, white_density)
 from ..recording import Recording, Stream
 from .phases import airborne, SHORTEST_REST, stretch_at_rest, WEIGHT
-from .statistics import resolution, robust_sigma
+from .statistics import repeating, resolution, robust_sigma
 from .table import entry, Measured, timing
 
 AXES = 'xyz'
@@ -82,7 +82,7 @@ def _check(recording: Recording) -> None:
                 'a dead or unfilled sensor: leave the topic out')
     both = np.concatenate([recording.gyro.values, recording.accel.values], axis=1) if len(
         recording.gyro.t) == len(recording.accel.t) else recording.gyro.values
-    held = float((np.diff(both, axis=0) == 0.0).all(axis=1).mean())
+    held = repeating(both)
     if held > HELD:
         raise BagError(
             f'{recording.name}: imu/data_raw: {100.0 * held:.0f} % of the samples repeat the one '

@@ -17,7 +17,7 @@ from scipy.stats import poisson
 
 from ..allan import Interval
 from ..recording import Recording, Stream
-from .statistics import Array, proportion, STRETCHES
+from .statistics import Array, proportion, repeating, STRETCHES
 
 FEWEST = 2 * STRETCHES  # runs or repeats that tell a pattern
 SLOWER = 0.1  # share of repeats between jumps, from which on the rate is wrong by a tenth
@@ -39,7 +39,8 @@ NOT_TOLD = Interval(np.nan, np.nan, np.nan)
 def smallest_step(values: Array) -> float:
     """Return the least change from reading to reading, (n,); 0 if there is none."""
     sizes = np.abs(np.diff(values))
-    return float(sizes[sizes > 0.0].min(initial=np.inf)) if (sizes > 0.0).any() else 0.0
+    steps = sizes[sizes > 0.0]
+    return float(steps.min()) if len(steps) else 0.0
 
 
 def _readings(stream: Stream) -> Array:
@@ -105,17 +106,17 @@ def check(recording: Recording) -> None:
         stream = getattr(recording, name)
         if stream is None or len(_readings(stream)) < 2 * FEWEST or not held(stream):
             continue
-        share = (np.diff(_readings(stream), axis=0) == 0.0).all(axis=1).mean()
+        share = 100.0 * repeating(_readings(stream))
         raise BagError(
-            f'{recording.name}: {topic}: {100.0 * share:.0f} % of the readings repeat the one '
-            'before, as of a table that is faster than its sensor: import it with '
-            'only_changes: true for this topic in the mapping, or leave these out')
+            f'{recording.name}: {topic}: {share:.0f} % of the readings repeat the one before, as '
+            'of a table that is faster than its sensor: import it with only_changes: true for '
+            'this topic in the mapping, or leave these out')
 
 
 def undecided(stream: Stream) -> bool:
     """Return whether many readings equal the one before, and nothing tells why."""
     rows = _readings(stream)
-    if len(rows) < 2 or (np.diff(rows, axis=0) == 0.0).all(axis=1).mean() < OFTEN:
+    if len(rows) < 2 or repeating(rows) < OFTEN:
         return False
     lengths, jumps, returns, _ = _runs(rows)
     between = lengths[jumps | returns]

@@ -71,6 +71,11 @@ def robust_sigma(x: Array) -> Interval:
                     max(found.high, found.value + reach + up))
 
 
+def repeating(rows: Array) -> float:
+    """Return the share of rows, (n, k) with n > 1, that equal the one before."""
+    return float((np.diff(rows, axis=0) == 0.0).all(axis=1).mean())
+
+
 def white_sigma(x: Array) -> Interval:
     """Return the white noise of a slow signal: robust deviation of its second differences."""
     return robust_sigma(np.diff(x, 2) / np.sqrt(6.0))

@@ -2,7 +2,7 @@
 
 from interval_checks import assert_covers
 from mambo_analysis.identify.sensors.statistics import (
-    jackknife, median, proportion, resolution, robust_sigma, white_sigma)
+    jackknife, median, proportion, repeating, resolution, robust_sigma, white_sigma)
 import numpy as np
 import pytest
 from scipy import stats
@@ -116,3 +116,9 @@ def test_the_step_of_rounded_values_is_found(step):
     np.random.default_rng(3).normal(size=500), np.ones(100), np.arange(4.0), np.full(10, np.nan)])
 def test_values_that_lie_anywhere_have_no_step(x):
     assert resolution(x) is None
+
+
+def test_a_row_repeats_if_all_of_its_values_do():
+    rows = np.array([[1.0, 2.0], [1.0, 2.0], [1.0, 3.0], [1.0, 3.0], [np.nan, 3.0], [np.nan, 3.0]])
+    assert repeating(rows) == 0.4
+    assert repeating(rows[:2]) == 1.0 and repeating(rows[1:3]) == 0.0
