@@ -36,6 +36,7 @@ from .course import course_file
 from .scenario import ParameterReader, Place, Scenario
 
 _GROUP = 'reference_node.commands'
+_EARLY = 0.1  # s that a recording ends before its flight; of a whole one none or a step
 
 
 def parameters(reader: ParameterReader, node: yaml.Node) -> dict[str, Place]:
@@ -112,6 +113,15 @@ def scenario_of(bag: Path, namespace: str = topics.NAMESPACE) -> Scenario:
     elif not any(again.values()):
         raise InputError(f'{bag}: is not a commanded flight, and no parameter changed in it')
     return scenarios.override(flight, again)
+
+
+def beyond(bag: Path, flight: Scenario, namespace: str = topics.NAMESPACE) -> Iterator[str]:
+    """Yield a line if a flight goes on after the end of the recording whose commands it has."""
+    end = read_bag(bag, (topics.CLOCK.name,), namespace).end * 1e-9
+    duration = flight.sim_node.duration
+    if end < duration - _EARLY:
+        yield (f'{bag} ends at {end:.3f} s, and this flight at {duration:g} s: it has no command '
+               'after the end of the recording, neither one of its scenario nor another')
 
 
 def send(name: str, drone: str = topics.NAMESPACE, **arguments: Any) -> str:

@@ -151,6 +151,8 @@ def _run(options: argparse.Namespace) -> None:
     recording_to_bag.check(flight)
     for line in flight_options.remarks(flight, options.stretch, options.trajectory):
         print(line)
+    for line in commanded.beyond(options.again, flight) if options.again else ():
+        print(line)
     world = flight_options.world(options)
     if world.drones > 1:
         drones = formation.hall(flight, world, timed)

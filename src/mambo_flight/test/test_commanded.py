@@ -69,6 +69,15 @@ def test_a_bag_holds_the_commands_and_they_give_the_flight_again(flown, bag):
         assert np.array_equal(getattr(r, name), getattr(again, name)), name
 
 
+def test_a_flight_that_goes_on_after_its_recording_is_told(bag):
+    flight = commanded.scenario_of(bag)
+    end = flight.sim_node.duration
+    assert list(commanded.beyond(bag, flight)) == []
+    assert list(commanded.beyond(bag, override(flight, {'sim_node.duration': end + 3.0}))) == [
+        f'{bag} ends at {end:.3f} s, and this flight at {end + 3.0:g} s: it has no command after '
+        'the end of the recording, neither one of its scenario nor another']
+
+
 def test_a_flight_without_commands_has_no_topic_of_them():
     plain = scenario(duration=1.0, land=False)
     assert {topic.name for topic in recording_to_bag.recorded(plain)} == {

@@ -53,7 +53,8 @@ class Losses:
         """
         Yield what is missing, one line each.
 
-        Samples are only counted in a recording from the first step on.
+        Samples are only counted in a recording from the first step on. The count then decides also
+        about a topic of every step: a sensor that has failed sends no more.
 
         Parameters
         ----------
@@ -63,12 +64,13 @@ class Losses:
             Newest time of ``/clock``; None: there was none.
 
         """
-        if self._from_start:
-            for name, count in zip(self._counted, self._published, strict=True):
-                if name in received and received[name] < count:
-                    yield (f'{name}: the bag has {received[name]} of the {count} messages that '
-                           'were published')
+        counts = dict(zip(self._counted, self._published, strict=True)) if self._from_start else {}
+        for name, count in counts.items():
+            if name in received and received[name] < count:
+                yield (f'{name}: the bag has {received[name]} of the {count} messages that '
+                       'were published')
         for name in self._steady:
-            if now is not None and name in self.ends and self.ends[name] < now - LATE:
-                yield (f'{name}: the bag has no message after {1e-9 * self.ends[name]:.3f} s, '
+            end = None if name in counts else self.ends.get(name)
+            if now is not None and end is not None and end < now - LATE:
+                yield (f'{name}: the bag has no message after {1e-9 * end:.3f} s, '
                        f'and the flight went on to {1e-9 * now:.3f} s')

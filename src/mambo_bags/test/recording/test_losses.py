@@ -45,6 +45,13 @@ def test_a_topic_of_every_step_that_ends_before_the_clock_is_told(end, now, told
         '10.000 s'] * told
 
 
+def test_a_sensor_that_failed_for_good_is_no_loss():
+    losses = recording((1, 1, 0, 0), (20, 4, 5, 6))
+    losses.ends |= {'/imu': 0, '/pwm': 0}
+    assert list(losses.lines(FEW, END)) == [
+        '/pwm: the bag has no message after 0.000 s, and the flight went on to 10.000 s']
+
+
 def test_a_watermark_that_is_too_short_is_left_out():
     losses = recording((1, 0, 0, 0))
     losses.counting(bytes)(b'\0\1\0\0')
