@@ -8,5 +8,11 @@ here = os.path.dirname(os.path.realpath(__file__))
 sys.path[:] = [path for path in sys.path if os.path.realpath(path) != here]
 
 if __name__ == '__main__':
-    from mambo_bringup.starting import run
+    try:
+        from mambo_bringup.starting import run
+    except ModuleNotFoundError as error:
+        if error.name != 'mambo_bringup':
+            raise
+        sys.exit(f'{sys.argv[1]}: PYTHONPATH lacks the packages of this workspace: it was set after '
+                 "'source env.bash'. Source it again, and set PYTHONPATH=FOLDER:$PYTHONPATH")
     sys.exit(run(sys.argv.pop(1)))

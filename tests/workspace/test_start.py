@@ -23,6 +23,16 @@ def test_files_of_the_user_named_like_packages_are_left_alone(tmp_path, command)
     assert done.stdout
 
 
+@pytest.mark.parametrize('given', ['PYTHONPATH=.', 'PYTHONPATH=', '-u PYTHONPATH'])
+def test_a_search_path_that_was_set_after_env_bash_is_named(tmp_path, given):
+    done = subprocess.run(['bash', '-c', f'env {given} {ROOT}/tools/mambo --help'], cwd=tmp_path,
+                          capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (1, '')
+    assert done.stderr == (
+        'mambo: PYTHONPATH lacks the packages of this workspace: it was set after '
+        "'source env.bash'. Source it again, and set PYTHONPATH=FOLDER:$PYTHONPATH\n")
+
+
 @pytest.mark.parametrize(('before', 'command'), [
     ('true', f'{ROOT}/mambo separation --help'),
     ('true', f'{ROOT}/tools/mambo separation --help'),
