@@ -13,6 +13,6 @@ if __name__ == '__main__':
     except ModuleNotFoundError as error:
         if error.name != 'mambo_bringup':
             raise
-        sys.exit(f'{sys.argv[1]}: PYTHONPATH lacks the packages of this workspace: it was set after '
-                 "'source env.bash'. Source it again, and set PYTHONPATH=FOLDER:$PYTHONPATH")
+        sys.exit(f'{sys.argv[1]}: PYTHONPATH lacks the packages of this workspace: it was set '
+                 "after 'source env.bash'. Source it again, and set PYTHONPATH=FOLDER:$PYTHONPATH")
     sys.exit(run(sys.argv.pop(1)))

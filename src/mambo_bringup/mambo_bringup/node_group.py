@@ -6,11 +6,15 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 import math
 from pathlib import Path
+import sys
 import tempfile
+import time
 
 from .domain import Domain
 from .processes import end, Interrupts, NodeProcess, refuse_not_utf8, watch
 from .watchdog import Watchdog
+
+BACK = 0.5  # s; a time server slews a clock by 0.3 s in ten minutes at most (500 ppm)
 
 
 class NodeGroup:
@@ -19,7 +23,8 @@ class NodeGroup:
     own.
 
     Leaving ``with`` ends all nodes: those that own time first, the recorders last. No process or
-    file remains, even if this process is killed.
+    file remains, even if this process is killed. A line says so if the clock of the machine was
+    set back meanwhile: the middleware's waits then last longer by as much.
 
     Parameters
     ----------
@@ -51,6 +56,7 @@ class NodeGroup:
         self._spectators: list[NodeProcess] = []
         self.spectators_lost: list[str] = []
         self.fault = ''
+        self._ahead = _ahead()
 
     def __enter__(self) -> NodeGroup:
         with ExitStack() as stack:
@@ -68,6 +74,11 @@ class NodeGroup:
 
     def __exit__(self, *_: object) -> None:
         self._stack.close()
+        back = self._ahead - _ahead()
+        if back > BACK:
+            print(f'warning: the clock of this machine was set back by {back:.1f} s while the '
+                  'nodes ran: the middleware waits by it, and nodes that are processes of their own may '
+                  'stand still, answer late or not end', file=sys.stderr, flush=True)
 
     def start(self, package: str, name: str, arguments: list[str],
               on_line: Callable[[str], None] | None = None, label: str = '',
@@ -103,3 +114,8 @@ class NodeGroup:
             end(group, interrupts=self.interrupts)
         for child in self.children:
             self.fault = self.fault or child.trouble(owner=child in last)
+
+
+def _ahead() -> float:
+    """Return by how much the clock of the machine is ahead of one that nobody sets, s."""
+    return time.time() - time.monotonic()

@@ -513,3 +513,13 @@ def test_a_process_that_has_ros_is_not_copied(tmp_path):
     done = copies(tmp_path, 'import rclpy')
     assert done.returncode == 1
     assert 'loaded some_node is not installed' in done.stderr
+
+
+@pytest.mark.parametrize(('step', 'told'), [(-5.0, True), (-0.3, False), (60.0, False)])
+def test_a_clock_that_was_set_back_while_nodes_ran_is_told(monkeypatch, capsys, step, told):
+    clock = time.time
+    with NodeGroup('recorder'):
+        monkeypatch.setattr(time, 'time', lambda: clock() + step)
+    said = capsys.readouterr().err
+    assert said.startswith('warning: the clock of this machine was set back by 5.0 s') == told
+    assert bool(said) == told

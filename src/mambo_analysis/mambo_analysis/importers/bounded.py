@@ -57,7 +57,7 @@ def call(function: Callable[[Path], Any], path: Path) -> Any:
     seconds = limits.READING_S.value()
     receive, send = _FORK.Pipe(duplex=False)
     process = _FORK.Process(target=_work, args=(function, path, send), daemon=True)
-    process.start()
+    _start(process)
     send.close()
     try:
         if not receive.poll(seconds):
@@ -76,9 +76,21 @@ def call(function: Callable[[Path], Any], path: Path) -> Any:
     return result
 
 
+def _start(process: multiprocessing.process.BaseProcess) -> None:
+    """Start a process that collects no garbage before its function begins."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        process.start()
+    finally:
+        if collects:
+            gc.enable()
+
+
 def _work(function: Callable[[Path], Any], path: Path, send: Connection) -> None:
     """Call the function within bounds and send what it returns or raises."""
     gc.freeze()  # what is garbage here, such as nodes of ROS, is the caller's to destroy
+    gc.enable()
     warnings.simplefilter('ignore')  # of what is damaged; the caller gets one line
     faulthandler.disable()  # a reader that crashes says so at length
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)

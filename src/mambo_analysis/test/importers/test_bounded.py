@@ -108,6 +108,14 @@ def test_garbage_of_the_caller_is_not_destroyed_by_the_reader(file):
         assert bounded.call(lambda _: gc.collect() >= 0, file)
     finally:
         gc.enable()
+        gc.collect()
+
+
+def test_garbage_of_the_caller_is_not_destroyed_before_the_reader_begins(file, monkeypatch):
+    monkeypatch.setattr(bounded, '_work', lambda function, path, send: send.send(
+        (gc.isenabled(), None)))
+    assert not bounded.call(Path.read_bytes, file)
+    assert gc.isenabled()
 
 
 def test_a_reader_that_wants_too_much_memory_is_stopped_and_the_limit_named(file, monkeypatch):
