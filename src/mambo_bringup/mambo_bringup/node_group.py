@@ -77,8 +77,8 @@ class NodeGroup:
         back = self._ahead - _ahead()
         if back > BACK:
             print(f'warning: the clock of this machine was set back by {back:.1f} s while the '
-                  'nodes ran: the middleware waits by it, and nodes that are processes of their own may '
-                  'stand still, answer late or not end', file=sys.stderr, flush=True)
+                  'nodes ran: the middleware waits by it, and nodes that are processes of their '
+                  'own may stand still, answer late or not end', file=sys.stderr, flush=True)
 
     def start(self, package: str, name: str, arguments: list[str],
               on_line: Callable[[str], None] | None = None, label: str = '',
