@@ -21,8 +21,8 @@ SHORTEST = 1.0  # s, of a path whose duration is not given
 _MARGIN = 0.8  # of the limits, that a path whose duration is not given keeps
 _BRAKE = 35.0 / 16.0  # peak of the acceleration over its mean, of a change of velocity
 _BRAKE_SHORTEST = 0.4  # s
-_POINTS = 65  # of a segment whose length is measured
-_DETOUR = 1.25  # [-] times the way by a point of rest, that one polynomial may be long
+_POINTS = 65  # of a segment that is measured
+_SWING = 0.2  # m, about the width of the drone, that one polynomial may go out of its way
 
 
 class Segment(NamedTuple):
@@ -53,31 +53,61 @@ def move(start: Array, end: Array, duration: float, phase: int = TRACK) -> Segme
     return Segment(duration, connect(start, end, duration), phase)
 
 
+def _along(segment: Segment) -> Array:
+    """Return positions along a segment of finite duration, (3, n) m."""
+    t = np.linspace(0.0, segment.duration, _POINTS)
+    return np.polynomial.polynomial.polyval(t, segment.coefficients[:3].T)
+
+
 def length(way: list[Segment]) -> float:
     """Return how long a way of finite duration is, m."""
     out = 0.0
     for segment in way:
-        t = np.linspace(0.0, segment.duration, _POINTS)
-        points = np.polynomial.polynomial.polyval(t, segment.coefficients[:3].T)
-        steps = np.diff(points)
+        steps = np.diff(_along(segment))
         out += float(np.sqrt((steps * steps).sum(axis=0)).sum())
     return out
 
 
-def visit(start: Array, end: Array, duration: float, p: CommandParams) -> list[Segment]:
+def visit(
+    start: Array, end: Array, duration: float, p: CommandParams, longer: float = 1.0,
+) -> list[Segment]:
     """
-    Return the path from one state to another in a duration in s.
+    Return the path from one state to another.
 
-    One polynomial that begins with a velocity and has much time overshoots by it: then the way
-    is to rest first, and on from there.
+    One polynomial that begins with a velocity may swing far out by it: then the way is to rest
+    first, and on from there.
+
+    Parameters
+    ----------
+    start, end
+        States, (4, 5).
+    duration : s
+        Of the whole path; 0: as the limits allow.
+    p
+        Limits.
+    longer
+        Factor of a duration that is not given.
+
     """
-    direct = [move(start, end, duration)]
-    slowing, there = stop(start, p)
-    left = duration - sum(segment.duration for segment in slowing)
+    direct = [move(start, end, duration or longer * least_duration(start, end[:, 0], p))]
+    slowing, there = stop(start, p, 1.0 if duration else longer)
+    left = duration - sum(segment.duration for segment in slowing) if duration else (
+        longer * least_duration(at_rest(there), end[:, 0], p))
     if not slowing or left < SHORTEST:
         return direct
     over = [*slowing, move(at_rest(there), end, left)]
-    return over if length(direct) > _DETOUR * length(over) else direct
+    points = np.array([start[:3, 0], there[:3], end[:3, 0]])
+    return over if _outside(direct, points) > _outside(over, points) + _SWING else direct
+
+
+def _outside(way: list[Segment], points: Array) -> float:
+    """Return how far a way leaves the box around points, (n, 3) m, along an axis, m."""
+    out = 0.0
+    for segment in way:
+        path = _along(segment)
+        out = max(out, float((path.max(axis=1) - points.max(axis=0)).max()),
+                  float((points.min(axis=0) - path.min(axis=1)).max()))
+    return out
 
 
 def least_duration(start: Array, goal: Array, p: CommandParams) -> float:

@@ -354,20 +354,11 @@ def _descent(
     return [move(at_rest(above), at_rest(down), took, LANDING)], down
 
 
-def _approach(
-    c: FlightCommand, state: Array, end: Array, p: CommandParams, longer: float,
-) -> list[Segment]:
-    """Return the way to a state, (4, 5), in the duration of a command; 0: as the limits allow."""
-    if c.duration:
-        return visit(state, end, c.duration, p)
-    return [move(state, end, longer * least_duration(state, end[:, 0], p))]
-
-
 def _go_to(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
     here = state[:, 0]
     goal = np.array([*c.position, c.yaw]) + (here if c.relative else 0.0)
     goal[3] = here[3] + math.remainder(goal[3] - here[3], 2.0 * math.pi)
-    return lambda longer: (_approach(c, state, at_rest(goal), p, longer), goal), _tries(c)
+    return lambda longer: (visit(state, at_rest(goal), c.duration, p, longer), goal), _tries(c)
 
 
 def _follow(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
@@ -396,7 +387,7 @@ def _follow(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
 
     def build(longer: float) -> Way:
         """Return the way to the course, the course, and the way to rest."""
-        way = [] if near else _approach(c, state, first, p, longer)
+        way = [] if near else visit(state, first, c.duration, p, longer)
         slowing, end = stop(last, p, longer)
         return way + own + slowing, end
     return build, _tries(c)

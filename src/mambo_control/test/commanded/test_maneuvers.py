@@ -90,3 +90,28 @@ def test_a_visit_with_much_time_does_not_overshoot(goal, duration, pieces):
         assert extent(way) == direct
     else:
         assert extent(way) < 0.9 < 2.0 < direct  # it stops in 0.88 m
+
+
+@pytest.mark.parametrize('goal', [
+    (-3.0, 2.0, -1.5, 0.2), (-3.0, -2.0, -0.8, 0.2), (1.2, 5.0, -2.5, 3.0)])
+@pytest.mark.parametrize('longer', [1.0, 1.4])
+def test_a_visit_as_fast_as_allowed_leaves_its_way_no_more_than_a_stop(goal, longer):
+    end = mv.at_rest(np.array(goal))
+    way = mv.visit(MOVING, end, 0.0, P, longer)
+    (slowing,), there = mv.stop(MOVING, P, longer)
+    np.testing.assert_allclose(end_of(way[-1]), end, atol=1e-9)
+    assert [one.duration for one in way] == pytest.approx([
+        slowing.duration, longer * mv.least_duration(mv.at_rest(there), end[:, 0], P)])
+    path = np.concatenate([np.polynomial.polynomial.polyval(
+        np.linspace(0.0, one.duration, 200), one.coefficients[:3].T) for one in way], axis=1)
+    corners = np.array([MOVING[:3, 0], there[:3], end[:3, 0]])
+    assert (path.max(axis=1) < corners.max(axis=0) + 0.01).all()
+    assert (path.min(axis=1) > corners.min(axis=0) - 0.01).all()
+
+
+def test_a_visit_that_leaves_its_way_little_is_one_polynomial():
+    ahead = mv.at_rest(MOVING[:, 0] + 3.0 * MOVING[:, 1])
+    for goal in (ahead, mv.at_rest(MOVING[:, 0])):
+        assert len(mv.visit(MOVING, goal, 0.0, P)) == 1
+    goal = ahead
+    assert len(mv.visit(mv.at_rest(MOVING[:, 0]), goal, 0.0, P)) == 1
