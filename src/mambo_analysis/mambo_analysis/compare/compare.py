@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from . import pair, tables
+from ..importers.checks import slips
 from .ending import (
     ended_early, ended_in_the_air, landed_by_itself, refused_messages, without_poses)
 from .events import parameters
@@ -169,7 +170,7 @@ def _doubts(bag: Bag) -> list[str]:
     return [*bag.notes, *refused_messages(bag), *without_poses(bag), *landed_by_itself(bag),
             *ended_in_the_air(bag), *stamps.doubtful(bag), *damaged.not_finite(bag),
             *damaged.poses_not_finite(bag), *stamps.repeated(bag, motion.MOTIONS),
-            *height_check.of_bag(bag)]
+            *slips.own_leap(bag), *height_check.of_bag(bag)]
 
 
 def compare(bag: Bag) -> dict[str, Any]:

@@ -30,6 +30,18 @@ def section(result, beginning):
     return found, {row['part']: row for row in found['rows']}
 
 
+@pytest.mark.parametrize('size', [0.0, 3.0])
+def test_an_estimate_that_was_reset_beside_lost_samples_is_noted(tmp_path, size):
+    maker = Maker(tmp_path / 'b', ('onboard/odom',))
+    for step in range(400):
+        if step % 7:
+            maker.odometry('onboard/odom', step * STEP, (size * (step > 200), 0.0, 1.0))
+    maker.writer.close()
+    notes = compare(read_bag(tmp_path / 'b'))['notes']
+    assert [note[:46] for note in notes if 'leaps' in note] == [
+        'onboard/odom: the position leaps by 3.00 m at '] * (size > 0.0)
+
+
 @pytest.mark.long
 def test_tracking_error_is_truth_minus_reference_before_and_after_the_blend(result):
     found, rows = section(result, 'tracking error: ground_truth/odom minus reference')

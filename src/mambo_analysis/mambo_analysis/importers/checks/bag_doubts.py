@@ -40,7 +40,6 @@ LATE = 0.1  # [s] between gyro and attitude
 FALLS = -0.4  # correlation of range and own height; -0.14 at least in twelve real flights
 RISES = 0.4  # correlation of pressure and height; 0.13 at most in twelve real flights
 FAST_SPEED = 0.2  # [m/s] of an estimate whose position cannot stand
-LEAP = 0.5  # [m] of an estimate between two samples that is told
 FAST = ('imu/data_raw', 'motor_pwm', TRACKED, OWN)
 PAUSE, PERIOD = 1.0, 0.1  # [s] of a topic with that period, at most
 COVERED = 0.75  # [-] of the time of a recording, at least, that a fast topic covers
@@ -334,12 +333,7 @@ def _own_height(bag: Bag, own: Motion, found: Beside | None) -> list[str]:
 
 def _leaps(own: Motion) -> list[str]:
     """Return lines about an estimate whose position leaps, or stands while it has a velocity."""
-    out, velocity = [], own.velocity
-    if found := slips.steps(own.t, own.position):
-        at, length = max(found, key=lambda one: one[1])
-        if length > LEAP:
-            out.append(f'{own.name}: the position leaps by {length:.2f} m at t = {at:.2f} s and '
-                       'stays there: was the estimator reset? Cut the recording there')
+    out, velocity = slips.leap(own), own.velocity
     if velocity is None or len(own.t) < 2:
         return out
     speed = np.linalg.norm(velocity, axis=1)

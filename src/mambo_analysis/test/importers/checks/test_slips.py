@@ -1,6 +1,8 @@
 """Steps of a tracked position that stay are told with their time; motion and single errors not."""
 
 from mambo_analysis.importers.checks import slips
+from mambo_analysis.importers.common import stamps_ns
+from mambo_signals.motion import Motion
 import numpy as np
 import pytest
 
@@ -52,3 +54,54 @@ def test_a_long_slip_is_told_at_10_hz_too():
     position = np.column_stack([0.1 * np.sin(t), 0.0 * t, 1.0 + np.where(t < 2.95, 0.0, 0.3)])
     (at, length), = slips.steps(t, position)
     assert at == pytest.approx(3.0) and length == pytest.approx(0.3, abs=2e-3)
+
+
+def kept(count, share, seed):
+    """Return which of so many frames arrive, if a share of them is lost at random."""
+    return np.random.default_rng(seed).random(count) >= share
+
+
+@pytest.mark.parametrize('share', [0.02, 0.1, 0.2])
+@pytest.mark.parametrize('seed', range(5))
+@pytest.mark.parametrize('lost', [0, 1, 10])
+def test_a_leap_beside_lost_frames_is_told_with_time_and_size(share, seed, lost):
+    """So many frames of the leap itself are lost, too."""
+    there = kept(len(T), share, seed)
+    there[300:300 + lost], there[[299, 300 + lost]] = False, True
+    position = (PATH + NOISE + np.where(T < 3.0 - 1e-9, 0.0, 3.0)[:, None] * [0.6, 0.8, 0.0])
+    (at, length), = slips.steps(T[there], position[there])
+    assert at == pytest.approx(3.0 + 0.01 * lost) and length == pytest.approx(3.0, abs=0.03)
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_a_leap_that_fills_two_steps_is_told_beside_lost_frames(seed):
+    """One axis of the position is of another packet than the others, or between two of them."""
+    position = PATH + NOISE + np.where(T < 3.0 - 1e-9, 0.0, 4.0)[:, None] * [0.6, 0.8, 0.0]
+    position[300] -= [0.0, 3.2, 0.0]
+    there = kept(len(T), 0.1, seed)
+    there[298:303] = True
+    assert max(length for _, length in slips.steps(T[there], position[there])) > 2.3
+
+
+@pytest.mark.parametrize('share', [0.1, 0.3])
+@pytest.mark.parametrize('rate', [10.0, 20.0, 100.0])
+@pytest.mark.parametrize('case', ['turns', 'falls', 'bounces', 'sways'])
+def test_motion_beside_lost_frames_is_not_told(share, rate, case):
+    """Up to 3 g, a fall to the floor, a bump at a wall; whichever frames are lost."""
+    t = np.arange(0.0, 6.0, 1.0 / rate)
+    x = {'turns': 0.9 * np.sin(5.0 * t), 'falls': -np.clip(t - 3.02, 0.0, 0.45)**2 * 4.9,
+         'bounces': 4.0 * np.abs(t - 3.02), 'sways': 0.3 * np.sin(9.9 * t)}[case]
+    position = np.column_stack([x, 0.3 * t, 0.0 * t])
+    for seed in range(20):
+        there = kept(len(t), share, seed)
+        assert not slips.steps(t[there], position[there])
+
+
+def test_a_leap_of_an_estimate_is_told_from_half_a_metre_on():
+    for size, told in ((0.45, 0), (0.55, 1)):
+        position = PATH + np.where(T < 3.0 - 1e-9, 0.0, size)[:, None] * [1.0, 0.0, 0.0]
+        there = kept(len(T), 0.1, 1)
+        lines = slips.leap(Motion('onboard/odom', stamps_ns(T[there]), position[there],
+                                  np.full((there.sum(), 4), np.nan)))
+        assert len(lines) == told
+        assert all('leaps by 0.55 m at t = 3.0' in line for line in lines)
