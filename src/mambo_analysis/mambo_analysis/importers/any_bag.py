@@ -46,7 +46,7 @@ from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
 from scipy.spatial.transform import Rotation
 
-from .checks import bag_doubts, plausible, world_twist
+from .checks import assignments, bag_doubts, plausible, world_twist
 from .common import NAMESPACE, provenance, quoted, report, SECOND, shortened, unused
 from .sqlite_bag import read_sqlite
 
@@ -379,9 +379,10 @@ def _converted(
 
 def _possible(
     where: str, ours: str, stamps: list[int], found: Converted,
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    beside: list[assignments.Turning],
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], list[str]]:
     """
-    Return which messages of a topic can be, and which are no frozen poses.
+    Return which messages of a topic can be, which are no frozen poses, and lines on turned ones.
 
     Parameters
     ----------
@@ -393,6 +394,8 @@ def _possible(
         ns, of each message.
     found
         Its messages.
+    beside
+        Sensors that turn with the body.
 
     Raises
     ------
@@ -413,19 +416,33 @@ def _possible(
         plausible.refuse_g(where, upward if np.sum(upward) > 0.0 else -upward)
     elif kind in SINGLE:  # a range without an echo is infinite, a voltage may be unknown
         SINGLE[kind](where, values[np.isfinite(values[:, 0]), 0])
+    elif ours == 'optitrack/pose':
+        still, wrong, turned = plausible.doubtful_poses(
+            where, ours, each / SECOND, values[:, :3], values[:, 3:], beside)
+        return ~np.isin(given, each[wrong]), ~np.isin(given, each[still]), turned
     elif kind in POSES and ours != 'onboard/reference':
-        still = np.zeros(len(each), bool)
-        if ours == 'optitrack/pose':
-            still = frozen.frozen(times, values[:, :3], values[:, 3:])
-        moves = np.flatnonzero(~still)
-        wrong = moves[outliers.refuse_most(
-            where, times[moves], values[moves, :3], values[moves, 3:])]
+        wrong = outliers.refuse_most(where, times, values[:, :3], values[:, 3:])
         if ours in CAPTURED:
-            plausible.refuse_far(where, np.delete(values[:, :3], wrong, axis=0))
-        if ours == 'optitrack/pose':
-            return ~np.isin(given, each[wrong]), ~np.isin(given, each[still])
+            plausible.refuse_far(where, values[~wrong, :3])
     every = np.ones(len(stamps), bool)
-    return every, every
+    return every, every, []
+
+
+def _turnings(
+    topics: Mapping[str, str], ready: Mapping[str, Converted], stamps: Mapping[str, list[int]],
+) -> list[assignments.Turning]:
+    """Return how the body turns by the gyro and by the onboard attitude, if they are there."""
+    out = []
+    for ours in ('imu/data_raw', 'onboard/odom'):
+        for theirs in (name for name, target in topics.items() if target == ours):
+            each, first = np.unique(np.array(stamps[theirs], np.int64), return_index=True)
+            values = np.array(ready[theirs].numbers, float).reshape(len(stamps[theirs]), -1)[first]
+            good = np.isfinite(values).all(axis=1)
+            times, values = each[good] / SECOND, values[good]
+            out.append(assignments.Turning('the gyro', times, values[:, :3])
+                       if ours == 'imu/data_raw' else assignments.of_attitude(
+                           f'the attitude of {ours}', times, values[:, 3:]))
+    return out
 
 
 def _apart(lag: int) -> str:
@@ -569,9 +586,12 @@ def import_bag(
             raise BagError(f'{source}: {theirs} holds no pose, the body is lost throughout')
     stamps = _stamps(source, ready, time)
     details = _details(bag, topics, ready, stamps)
+    beside = _turnings(topics, ready, stamps)
     for theirs, ours in topics.items():
-        possible, moving = _possible(
-            f'{source}: {theirs}', ours, stamps[theirs], ready[theirs])
+        possible, moving, turned = _possible(
+            f'{source}: {theirs}', ours, stamps[theirs], ready[theirs], beside)
+        if turned:
+            details[f'poses {ours}'] = '; '.join(turned)
         for what, good in (('impossible', possible), ('frozen', moving)):
             if not good.all():
                 details[f'{what} {ours}'] = int((~good).sum())
@@ -639,6 +659,8 @@ def main(arguments: list[str] | None = None) -> int:
         notes += [about.describe(key.split()[1], int(count))
                   for what, about in (('impossible', outliers), ('frozen', frozen))
                   for key, count in details.items() if key.startswith(f'{what} ')]
+        notes += [line for key, text in details.items() if key.startswith('poses ')
+                  for line in text.split('; ')]
         notes += bag_doubts.imported(options.output)
         report(options.bag, options.output, counts, *notes, *unused(ignored))
 

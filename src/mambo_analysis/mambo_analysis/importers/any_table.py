@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from .checks import bag_doubts, extrapolated, plausible
+from .checks import assignments, bag_doubts, extrapolated, plausible
 from .common import (
     importer_parser, LONGEST, NAMESPACE, new_samples, ONLY_CHANGES, provenance, Publisher,
     read_source, report, stamps_ns, unused)
@@ -251,14 +251,36 @@ class _Rows:
         position, turn = self._pose(topic, found, usable)
         rows = np.flatnonzero(usable)
         times = self.times['optitrack/pose'][rows]
-        still, wrong = plausible.doubtful_poses(
-            f'{self.path}: optitrack/pose', times, position[rows], turn[rows])
+        still, wrong, turned = plausible.doubtful_poses(
+            f'{self.path}: optitrack/pose', 'optitrack/pose', times, position[rows], turn[rows],
+            self._turnings())
         for doubtful, about in ((still, frozen), (wrong, outliers)):
             if doubtful.any():
                 usable[rows[doubtful]] = False
                 self.notes.append(about.describe('optitrack/pose', int(doubtful.sum())))
-        self.notes += outliers.describe_long('optitrack/pose', times[~still], wrong[~still])
+        self.notes += turned
         return lambda row: {'pose': out.pose(position[row].tolist(), turn[row].tolist())}
+
+    def _turnings(self) -> list[assignments.Turning]:
+        """Return how the body turns by the gyro and by the onboard attitude, if they are there."""
+        out = []
+        for name in ('imu/data_raw', 'onboard/odom'):
+            topic = self.mapping.topics.get(name)
+            if topic is None:
+                continue
+            found = self._found(name)
+            if {'angular_velocity', 'quaternion', 'euler'}.isdisjoint(found):
+                continue
+            good = np.isfinite(np.concatenate(list(found.values()), axis=1)).all(axis=1)
+            good &= np.diff(self.times[name], prepend=-np.inf) > 0.0
+            if 'quaternion' in found:
+                good &= np.linalg.norm(found['quaternion'], axis=1) > 0.0
+            times = self.times[name][good]
+            out.append(assignments.Turning('the gyro', times, BODY[topic.body].apply(
+                found['angular_velocity'][good])) if name == 'imu/data_raw' else (
+                    assignments.of_attitude(f'the attitude of {name}', times, _attitude(
+                        self.path, self.table, self.mapping, topic, good)[good])))
+        return out
 
     def _onboard_odom(self, topic: Topic, found: Any, usable: Any, out: Publisher) -> Any:
         position, turn = self._pose(topic, found, usable)

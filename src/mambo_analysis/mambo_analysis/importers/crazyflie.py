@@ -133,6 +133,8 @@ class Log:
         {name: values beyond a quarter turn that were left out}, of the pitches that had some.
     before
         Samples of the drone's position in which its whole pose is 0, before its estimate began.
+    turned
+        Lines on poses of the motion capture whose body is turned against that of the others.
 
     """
 
@@ -145,6 +147,7 @@ class Log:
     former: bool
     steep: dict[str, int]
     before: int
+    turned: list[str]
 
     def has(self, *names: str) -> bool:
         """Return whether all signals are present."""
@@ -244,7 +247,7 @@ def read_log(source: Source) -> Log:
     if not isinstance(found, dict) or not isinstance(found.get('drone'), dict):
         raise BagError(f'{path}: no Crazyflie log: it has no "drone" with signals')
     drone, ignored = _signals(path, found['drone'])
-    mocap, lost, impossible, still, pitches = _mocap(path, found.get('mocap') or {})
+    mocap, turned, lost, impossible, still, pitches = _mocap(path, found.get('mocap') or {})
     steep = {'mocap pitch': pitches}
     if 'theta' in drone:
         wrong = plausible.refuse_steep(f'{path}: theta', *drone['theta'])
@@ -254,7 +257,7 @@ def read_log(source: Source) -> Log:
     known = {*USED, *(() if 'w_x' in drone else GYRO)}
     ignored += [name for name in drone if name not in known]
     log = Log(drone, mocap, lost, impossible, still, ignored, former,
-              {name: count for name, count in steep.items() if count}, before)
+              {name: count for name, count in steep.items() if count}, before, turned)
     if not (log.has(*RATES) or log.has(*GYRO)):
         raise BagError(f'{path}: no gyro (ae483log.w_x, w_y, w_z or gyro.x, y, z) with finite '
                        f'values; it has {", ".join(found["drone"]) or "no signals"}')
@@ -330,12 +333,16 @@ def _check_unit(path: Path, log: Log) -> None:
             f'attitude {", ".join(attitude)}: give it in {names}')
 
 
-def _mocap(path: Path, found: Any) -> tuple[Floats, int, int, int, int]:
-    """Return the poses, and how many were lost, impossible, frozen, had an impossible pitch."""
+def _mocap(path: Path, found: Any) -> tuple[Floats, list[str], int, int, int, int]:
+    """
+    Return the poses, lines on turned ones, and how many were left out.
+
+    Those are lost, impossible, frozen, and had an impossible pitch.
+    """
     if not isinstance(found, dict) or (found and not {'time', *MOCAP} <= set(found)):
         raise BagError(f'{path}: mocap is not built as {{time, {", ".join(MOCAP)}}}')
     if not found or not found['time']:
-        return np.empty((0, 7)), 0, 0, 0, 0
+        return np.empty((0, 7)), [], 0, 0, 0, 0
     columns = [_series(path, f'mocap {name}', found['time'], found[name]) for name in MOCAP]
     table = np.column_stack([columns[0][0], *(v for _, v in columns)])
     seen = np.isfinite(table).all(axis=1)
@@ -343,11 +350,11 @@ def _mocap(path: Path, found: Any) -> tuple[Floats, int, int, int, int]:
     plausible.refuse_pace(f'{path}: mocap time', poses[:, 0])
     steep = plausible.refuse_steep(f'{path}: mocap pitch', poses[:, 0], poses[:, 5])
     poses = poses[~steep]
-    still, wrong = plausible.doubtful_poses(
-        f'{path}: mocap', poses[:, 0], poses[:, 1:4],
+    still, wrong, turned = plausible.doubtful_poses(
+        f'{path}: mocap', 'motion capture', poses[:, 0], poses[:, 1:4],
         np.array(_attitude(poses[:, 4:])).reshape(-1, 4))
     counts = (~seen, wrong, still, steep)
-    return poses[~(still | wrong)], *(int(each.sum()) for each in counts)
+    return poses[~(still | wrong)], turned, *(int(each.sum()) for each in counts)
 
 
 def mocap_offset(log: Log) -> Offset:
@@ -760,6 +767,7 @@ def import_crazyflie(
         'repeated_flow': repeated_flow, 'motor_pwm_unit': 'counts, 0 to 65535',
         'mocap_frames_lost': log.lost, 'mocap_poses_impossible': log.impossible,
         **({'mocap_poses_frozen': log.still} if log.still else {}),
+        **({'mocap_poses_turned': '; '.join(log.turned)} if log.turned else {}),
         'ignored': ', '.join(log.ignored) or 'nothing', **details,
         **({'layout': "of the course's first years: times in ms, o_x for p_x"}
            if log.former else {}),

@@ -402,10 +402,10 @@ def import_motive(
     file = read_source(source)
     take = read_take(file, body)
     times, position, attitude = poses(take, up, nose)
-    still, wrong = plausible.doubtful_poses(f'{source}: {TOPIC}', times, position, attitude)
+    still, wrong, turned = plausible.doubtful_poses(
+        f'{source}: {TOPIC}', TOPIC, times, position, attitude)
     good = ~(still | wrong)
     frames, lost, impossible = len(take.times), int((~take.seen).sum()), int(wrong.sum())
-    long = outliers.describe_long(TOPIC, times[~still], wrong[~still])
     times, position, attitude = times[good], position[good], attitude[good]
     notes = [f'{TOPIC}: {lost} of {frames} frames have no pose of {quoted(take.body)} and are '
              'left out'] if lost else []
@@ -413,7 +413,7 @@ def import_motive(
               ] if take.zeros else []
     notes += [frozen.describe(TOPIC, int(still.sum()))] if still.any() else []
     notes += [outliers.describe(TOPIC, impossible)] if impossible else []
-    notes += [*long, *slips.describe(TOPIC, times, position), *_still(times, position, attitude)]
+    notes += [*turned, *slips.describe(TOPIC, times, position), *_still(times, position, attitude)]
     flown = Motion(TOPIC, stamps_ns(times), position, attitude)
     notes += [f'{TOPIC}: {line}' for line in filter(None, [tilts.describe(flown)])]
     notes += _gaps(take.times)

@@ -80,13 +80,13 @@ def raw(name, i, change=None):
     return bytes(STORE.serialize_cdr(out, name))
 
 
-def foreign(path, topics=TYPES, change=None, step=10_000_000):
+def foreign(path, topics=TYPES, change=None, step=10_000_000, count=N):
     """Write a bag as a foreign recorder would: log times 3 ms behind the stamps."""
     with BagWriter(path) as writer:
         for topic, name in topics.items():
             text = STORE.generate_msgdef(name)[0].encode()
             writer.add_topic(topic, name, schema=text, type_hash='')
-        for i in range(N):
+        for i in range(count):
             for topic, name in topics.items():
                 writer.write(topic, raw(name, i, change), EPOCH + i * step + 3_000_000)
     return path
@@ -593,6 +593,39 @@ def test_samples_that_are_no_numbers_and_a_stamp_of_zero_are_counted(tmp_path, c
                  '--map', '/imu:=imu/data_raw']) == 0
     said = capsys.readouterr().out
     assert 'not finite imu/data_raw: 10' in said and 'unstamped' not in said
+
+
+@pytest.mark.parametrize('sensor', ['the gyro', 'the attitude of onboard/odom', ''])
+def test_of_flipped_poses_those_are_kept_that_turn_as_a_sensor(tmp_path, capsys, sensor):
+    """The body is turned by a half turn in 9 of 12 s."""
+    t = 0.01 * np.arange(1200)
+    turn = Rotation.from_euler('ZYX', np.column_stack([
+        0.5 * np.sin(0.7 * t), 0.2 * np.sin(2.1 * t), 0.2 * np.cos(1.7 * t)]))
+    wrong = (t > 1.0) & (t < 5.0) | (t > 5.5) & (t < 9.0) | (t > 10.5)
+    seen = turn * Rotation.from_euler('z', np.where(wrong, np.pi, 0.0)[:, None])
+    rates = np.append((turn[:-1].inv() * turn[1:]).as_rotvec() / 0.01, [[0.0] * 3], axis=0)
+
+    def change(i, out):
+        """Set the turning of one message."""
+        if hasattr(out, 'angular_velocity'):
+            out.angular_velocity = make('geometry_msgs/msg/Vector3', **dict(zip('xyz', rates[i])))
+            return
+        q = seen[i] if hasattr(out.pose, 'position') else turn[i]
+        place = getattr(out.pose, 'pose', out.pose)
+        place.position.x, place.position.y = 1e-3 * i, 0.0
+        place.orientation = make(
+            'geometry_msgs/msg/Quaternion', **dict(zip('xyzw', q.as_quat())))
+
+    names = {'/p': TYPES['/vrpn/mambo/pose'], '/odom': TYPES['/odom'], '/imu': TYPES['/imu']}
+    source = foreign(tmp_path / 'theirs', names, change, count=len(t))
+    maps = {'the gyro': ['--map', '/imu:=imu/data_raw'], '': []}.get(
+        sensor, ['--map', '/odom:=onboard/odom'])
+    assert main([str(source), str(tmp_path / 'bag'), '--map', '/p:=optitrack/pose', *maps]) == 0
+    said, = (line for line in capsys.readouterr().out.splitlines() if 'symmetric' in line)
+    assert said.endswith(f'Those kept turn as {sensor} does' if sensor else 'without symmetry')
+    kept = ~wrong if sensor else wrong
+    ours = read_bag(tmp_path / 'bag')['optitrack/pose']
+    np.testing.assert_array_equal(ours.stamp, EPOCH + 10_000_000 * np.flatnonzero(kept))
 
 
 def test_impossible_poses_are_left_out_and_counted(tmp_path, capsys):

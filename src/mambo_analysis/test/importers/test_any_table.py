@@ -37,6 +37,13 @@ topics:
     angular_velocity: {{columns: [p, q, r], unit: deg/s}}
     acceleration: {{columns: [ax, ay, az], unit: g}}
 """
+FLIPPED = MAP.partition('  onboard/odom')[0].replace('x, y, z], unit: cm', 'x, y, z]')
+OWN_ATTITUDE = """\
+  onboard/odom:
+    position: [x, y, z]
+    quaternion: {{columns: [ow, ox, oy, oz], order: wxyz}}
+    velocity: [vx, vy, vz]
+"""
 
 
 def frame(world='z_up', body='flu', seconds=1.0):
@@ -130,6 +137,43 @@ def test_impossible_poses_are_left_out(tmp_path):
     counts, notes = import_table(source, tmp_path / 'bag', mapping)
     assert counts['/mambo/optitrack/pose'] == N - 3
     assert '3 impossible poses left out' in notes[0]
+
+
+def flipped_flight(world, body):
+    """Return rows of 12 s whose body is turned by a half turn in most of them, and which."""
+    t = 0.01 * np.arange(1200)
+    turn = Rotation.from_euler('ZYX', np.column_stack([
+        0.5 * np.sin(0.7 * t), 0.2 * np.sin(2.1 * t), 0.2 * np.cos(1.7 * t)]))
+    wrong = (t > 2.0) & (t < 5.0) | (t > 5.5) & (t < 9.0) | (t > 9.6)
+    seen = turn * Rotation.from_euler('z', np.where(wrong, np.pi, 0.0)[:, None])
+    into = Rotation.from_matrix(UP[world].T)
+    rates = (turn[:-1].inv() * turn[1:]).as_rotvec() / 0.01
+    columns = {'t': t[:-1], **dict.fromkeys(('ax', 'ay'), 0.0), 'az': BODY[body][2, 2]}
+    for names, values in (
+            (('x', 'y', 'z'), into.apply(np.column_stack([np.sin(t), np.cos(t), 1.0 + 0.0 * t]))),
+            (('qx', 'qy', 'qz', 'qw'), (into * seen * Rotation.from_matrix(BODY[body])).as_quat()),
+            (('ox', 'oy', 'oz', 'ow'), (into * turn * Rotation.from_matrix(BODY[body])).as_quat()),
+            (('vx', 'vy', 'vz'), into.apply(np.column_stack([np.cos(t), -np.sin(t), 0.0 * t])))):
+        columns |= dict(zip(names, values[:-1].T))
+    columns |= dict(zip(('p', 'q', 'r'), np.degrees(rates @ BODY[body]).T))
+    return pandas.DataFrame(columns), wrong[:-1]
+
+
+@pytest.mark.parametrize('world, body', [('z_up', 'flu'), ('z_down', 'frd')])
+@pytest.mark.parametrize('sensor', ['the gyro', 'the attitude of onboard/odom', ''])
+def test_of_flipped_poses_those_are_kept_that_turn_as_a_sensor(tmp_path, world, body, sensor):
+    data, wrong = flipped_flight(world, body)
+    source, mapping = files(tmp_path, data, world, body, text=FLIPPED + {
+        'the gyro': '  imu/data_raw:\n' + MAP.partition('imu/data_raw:\n')[2], '': ''}.get(
+            sensor, OWN_ATTITUDE))
+    counts, notes = import_table(source, tmp_path / 'bag', mapping)
+    said, = (note for note in notes if 'symmetric' in note)
+    kept = ~wrong if sensor else wrong
+    assert counts['/mambo/optitrack/pose'] == kept.sum()
+    np.testing.assert_array_equal(
+        read_bag(tmp_path / 'bag')['optitrack/pose'].stamp, np.flatnonzero(kept) * 10_000_000)
+    assert said.endswith(f'Those kept turn as {sensor} does' if sensor else 'without symmetry')
+    assert not any('two takes' in note for note in notes)
 
 
 def test_a_position_that_slips_is_told(tmp_path):

@@ -398,6 +398,17 @@ def round_flight(log=None):
     return log
 
 
+def test_poses_of_symmetric_markers_are_told(tmp_path, capsys):
+    log = round_flight(turning())
+    times, yaw = (np.array(log['mocap'][name]) for name in ('time', 'yaw'))
+    wrong = (times + OFFSET) % 3.0 < 1.0
+    log['mocap']['yaw'] = (yaw + np.where(wrong, np.pi, 0.0)).tolist()
+    assert main([str(save(tmp_path / 'log.json', log)), str(tmp_path / 'bag')]) == 0
+    out = capsys.readouterr().out
+    assert f'mocap_poses_turned: motion capture: {wrong.sum()} poses from t = ' in out
+    assert 'left out, show the body turned by 180 deg about its axis (0.00, 0.00, ' in out
+
+
 @pytest.mark.long
 @pytest.mark.parametrize('swap, text', [
     ('y and z', 'the range follows y of the motion capture (correlation 1.00), z does not'),

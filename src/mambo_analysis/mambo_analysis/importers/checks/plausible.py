@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from . import assignments
+
 Floats = NDArray[np.float64]
 LONGEST_STEP = 1.5  # [s] median step of a motion: 1 Hz passes, milliseconds read as s do not
 FASTEST_RATE = 4e4  # [Hz] on average; inertial sensors are read at 32 kHz at most
@@ -75,19 +77,26 @@ def refuse_pace(where: str, times: Floats) -> None:
 
 
 def doubtful_poses(
-    where: str, times: Floats, position: Floats, attitude: Floats,
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    where: str, name: str, times: Floats, position: Floats, attitude: Floats,
+    beside: Sequence[assignments.Turning] = (),
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], list[str]]:
     """
     Return which poses of a motion capture are frozen, and which others are impossible, (n,) each.
+
+    Also lines on those that are turned against the others, or are left out for long.
 
     Parameters
     ----------
     where
         File and name, for the error.
+    name
+        Of the poses, for the lines.
     times : (n,) s, ascending
     position : (n, 3) m
     attitude : (n, 4)
         x y z w.
+    beside
+        Sensors that turn with the body, on the same clock.
 
     Raises
     ------
@@ -97,10 +106,11 @@ def doubtful_poses(
     """
     still = frozen.frozen(times, position, attitude)
     wrong = np.zeros(len(times), bool)
-    wrong[~still] = outliers.refuse_most(
-        where, times[~still], position[~still], attitude[~still])
+    moving = times[~still], position[~still], attitude[~still]
+    found = assignments.sort_poses(*moving, beside)
+    wrong[~still] = outliers.refuse_most(where, *moving, found)
     refuse_far(where, position[~(still | wrong)])
-    return still, wrong
+    return still, wrong, assignments.describe(name, times[~still], found)
 
 
 def refuse_far(where: str, position: Floats) -> None:

@@ -1,0 +1,160 @@
+"""
+Which poses of a motion capture have the right assignment of the markers: :func:`sort_poses`.
+
+A tracker that takes symmetric markers for each other turns some poses of the body, by 180 degrees
+as a rule. :mod:`mambo_signals.outliers` sorts the poses by their assignment. Most poses may be the
+wrong ones: where a gyro or another attitude turns as the poses of a smaller group, that is taken,
+else the largest. :func:`describe` says what was found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from mambo_signals.derivative import body_rates
+from mambo_signals.gyro_check import compare, OTHER, WINDOW
+from mambo_signals.outliers import SAME_TURN, sort, Sorted
+from mambo_signals.resample import Bools, Floats, Ints, runs
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+SHARE = 0.1  # of the poses that a group has at least; single errors are fewer
+LONG = 2.0   # s of rejected poses on end that are told with their times
+LATE = 0.1   # s between a sensor and the attitude; more is told as another clock
+
+
+class Turning(NamedTuple):
+    """Rates of the body by another sensor, (n, 3) rad/s FLU at times (n,) s, and its name."""
+
+    name: str
+    times: Floats
+    rates: Floats
+
+
+def of_attitude(name: str, times: Floats, orientation: Floats) -> Turning:
+    """Return the turning by another attitude, (n, 4) x y z w at ascending times (n,) s."""
+    return Turning(name, *body_rates(times, orientation, window=WINDOW))
+
+
+def sort_poses(
+    times: Floats, position: Floats, orientation: Floats, beside: Sequence[Turning],
+) -> Sorted:
+    """
+    Return the poses sorted by their assignment, with the right one by the sensors beside.
+
+    Parameters
+    ----------
+    times, position, orientation
+        As of :func:`mambo_signals.outliers.sort`.
+    beside
+        Sensors on the same clock, the most trusted first.
+
+    """
+    found = sort(times, position, orientation)
+    groups = _groups(found) if beside else []
+    turns = Rotation.from_quat(orientation)
+    for one in beside:
+        best, right, decided = 0.0, found.right, False
+        for group in groups:
+            turn = Rotation.from_quat(found.turns[group])
+            as_it, as_most = (_agreement(times, turns, found.labels, pair, between, one)
+                              for pair, between in (((group, found.right), turn),
+                                                    ((found.right, group), turn.inv())))
+            if max(as_it, as_most) < OTHER[0] or abs(as_it - as_most) < OTHER[1]:
+                continue
+            decided = True
+            if as_it > max(as_most, best):
+                best, right = as_it, group
+        if decided:
+            return found._replace(right=right, by=one.name)
+    return found
+
+
+def _agreement(
+    times: Floats, turns: Rotation, labels: Ints, pair: tuple[int, int], between: Rotation,
+    beside: Turning,
+) -> float:
+    """
+    Return the mean correlation of a sensor's rates with those of the poses of two groups.
+
+    Those of the second group are turned into the body of the first by ``between``. 0 without
+    enough poses in common.
+    """
+    first, second = (labels == label for label in pair)
+    q = turns.as_quat()
+    q[second] = (turns[second] * between).as_quat()
+    there = first | second
+    seen = compare(beside.times, beside.rates, times[there], q[there], search=LATE)
+    return 0.0 if seen is None else float(seen.correlation.mean())
+
+
+def _groups(found: Sorted) -> list[int]:
+    """Return the assignments of many poses whose body is turned against the right one."""
+    counts = np.bincount(found.labels[found.labels >= 0], minlength=len(found.turns))
+    turned = _between(found, np.arange(len(found.turns))).magnitude()
+    return np.flatnonzero((counts >= SHARE * len(found.labels)) & (turned >= SAME_TURN)).tolist()
+
+
+def _between(found: Sorted, labels: int | Ints) -> Rotation:
+    """Return the turn from the body of the right assignment to that of others."""
+    return (Rotation.from_quat(found.turns[found.right]).inv()
+            * Rotation.from_quat(found.turns[labels]))
+
+
+def _returns(labels: Ints, label: int, right: int) -> bool:
+    """Return whether an assignment is no beginning or end of a recording: it comes and goes."""
+    parts, others = runs(labels == label), np.flatnonzero(labels == right)
+    return len(parts) > 1 or others[0] < parts[0, 0] < others[-1]
+
+
+def _when(times: Floats, there: Bools) -> str:
+    """Return the number of some poses and their times in words."""
+    parts, at = len(runs(there)), times[there]
+    return (f'{len(at)} poses from t = {at[0]:.2f} to {at[-1]:.2f} s'
+            + (f' in {parts} parts' if parts > 1 else ''))
+
+
+def describe(name: str, times: Floats, found: Sorted) -> list[str]:
+    """
+    Return lines on groups of poses with a turned body, and on poses that are left out for long.
+
+    Parameters
+    ----------
+    name
+        Of the topic.
+    times : (n,) s, ascending
+    found
+        What :func:`sort_poses` returns.
+
+    """
+    out, groups = [], _groups(found)
+    for group in groups:
+        turn = _between(found, group).as_rotvec()
+        angle = float(np.linalg.norm(turn))
+        axis = ', '.join(f'{x + 0.0:.2f}' for x in (turn / angle).round(2))
+        out.append(
+            f'{name}: {_when(times, found.labels == group)}, left out, show the body turned by '
+            f'{np.degrees(angle):.0f} deg about its axis ({axis}) against '
+            f'{_when(times, ~found.wrong)}, kept: the tracker takes symmetric markers for each '
+            'other. ' + (
+                f'Those kept turn as {found.by} does' if found.by else
+                'The larger group is kept, and the other may be the right one: compare them with '
+                'how the vehicle stood, and place the markers without symmetry'))
+    return out + _long(name, times, found, groups)
+
+
+def _long(name: str, times: Floats, found: Sorted, groups: list[int]) -> list[str]:
+    """Return a line on poses left out for ``LONG`` on end, which mixed-up markers seldom need."""
+    spans = [(times[first], times[end - 1], first, end) for first, end in runs(found.wrong)]
+    first, last, begin, end = max(
+        spans, key=lambda span: span[1] - span[0], default=(0.0, 0.0, 0, 0))
+    if last - first < LONG:
+        return []
+    label = int(np.bincount(found.labels[begin:end] + 1).argmax()) - 1  # of most of them
+    returns = _returns(found.labels, label, found.right)
+    if returns and label in groups:
+        return []
+    return [f'{name}: all poses from t = {first:.2f} to {last:.2f} s are among them: '
+            + ('the tracker had lost the body, or mixed up its markers, for so long' if returns
+               else 'the recording jumps there; was it cut, or is it of two takes?')]
