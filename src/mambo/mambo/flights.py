@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 import inspect
-import math
 from pathlib import Path
 import tempfile
 from typing import Any, TYPE_CHECKING
@@ -66,7 +65,7 @@ class Flight:
         m = self.metrics
         tracking = 'carried by hand' if self.scenario.sim_node.simulator.hand.enabled else (
             f'tracking RMS {m["tracking_rms"]:.4g} m')
-        errors = 'never took off' if math.isnan(m['estimation_rms']) else (
+        errors = 'never took off' if monte_carlo.never_took_off(m) else (
             f'{tracking}, estimation RMS {m["estimation_rms"]:.4g} m')
         failed = f', {self.failure}' if self.failure else ''
         return f'<Flight {self.name}: {self.t[-1]:g} s, {errors}{failed}>'
@@ -88,7 +87,8 @@ class Flight:
     @cached_property
     def failure(self) -> str:
         """Return why the flight was not flown as asked, as ``mambo fly`` says; empty: it was."""
-        return self.fault or failure_of(self.scenario, self.recording, self.metrics)
+        failed = failure_of(self.scenario, self.recording, self.metrics)
+        return '; '.join(filter(None, (self.fault, failed)))
 
     def to_pandas(self) -> pandas.DataFrame:
         """

@@ -84,12 +84,14 @@ def _compiling() -> Iterator[list[float]]:
 def _errors(flight: Scenario, metrics: Mapping[str, Any]) -> str:
     """Return the errors of a flight in a few words."""
     ending = f'; motors stopped ({metrics["shutdown_reason"]})' if metrics['shutdown'] else ''
-    if math.isnan(metrics['estimation_rms']):
+    if monte_carlo.never_took_off(metrics):
         return f'no errors in flight, as it never took off{ending}'
     tracking = 'carried by hand' if flight.sim_node.simulator.hand.enabled else (
         f'tracking error in flight {metrics["tracking_rms"]:.3g} m RMS, '
         f'{metrics["tracking_max"]:.3g} m at most')
-    return (f'{tracking}; estimation error {metrics["estimation_rms"]:.3g} m RMS'
+    estimation = 'no estimation error, as the estimate was not finite' if math.isnan(
+        metrics['estimation_rms']) else f'estimation error {metrics["estimation_rms"]:.3g} m RMS'
+    return (f'{tracking}; {estimation}'
             f'{" (estimate/map)" if flight.controller_node.estimate == "map" else ""}{ending}')
 
 
@@ -210,7 +212,7 @@ def write_flight(name: str, flight: Scenario, output: Path) -> None:
           f'bag: {output}')
     for said in _remarks(flight, recording):
         print(f'{name}: {said}')
-    if reason := fault or failure(flight, recording, metrics):
+    if reason := '; '.join(filter(None, (fault, failure(flight, recording, metrics)))):
         raise JobError(f'{name}: {reason}')
 
 

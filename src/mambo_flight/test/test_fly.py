@@ -162,6 +162,17 @@ def test_a_fault_of_a_component_of_yours_is_told_after_the_bag(file, tmp_path, c
     assert error.count('\n') == 1 and (tmp_path / 'bag').exists()
 
 
+def test_a_fault_that_ends_in_a_fall_is_told_with_it(file, tmp_path, capsys, flown, monkeypatch):
+    monkeypatch.setattr(fly.supervised, 'fly', lambda flight, inner: (
+        recording(3.0), 'your estimator: boom'))
+    monkeypatch.setattr(fly.monte_carlo, 'measure', lambda flight, recording: CRASHED | {
+        'estimation_rms': math.nan})
+    assert fly.main([file, '-o', str(tmp_path / 'bag')]) == 1
+    out, error = capsys.readouterr()
+    assert error.endswith('your estimator: boom; motors stopped at 2.500 s: crash\n')
+    assert 'm at most; no estimation error, as the estimate was not finite' in out
+
+
 @pytest.mark.parametrize('arguments, message', [
     (['fig_99'], 'fig_99'), (['fig_5_10', '--seed', '-1'], 'seed')])
 def test_careless_arguments_get_one_line(tmp_path, capsys, arguments, message):

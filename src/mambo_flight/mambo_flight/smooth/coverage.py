@@ -12,6 +12,7 @@ import math
 from typing import NamedTuple
 
 from mambo_bags.command import counted, guard, Parser
+from mambo_model.errors import JobError
 import numpy as np
 
 from .. import closed_loop, offline_replay
@@ -31,11 +32,13 @@ class Trial(NamedTuple):
     smoothed: Path
 
 
-def trial(flight: Scenario) -> Trial:
-    """Smooth one flight and compare it with the truth."""
+def trial(flight: Scenario) -> Trial | None:
+    """Smooth one flight and compare it with the truth; None if the vehicle never moved."""
     recording = closed_loop.fly(flight)
     evaluated = evaluate_recording(flight, recording, bounded=False)
     s = smooth(offline_replay.steps_of(recording), flight.estimator_node.joint)
+    if not s.moving.any():
+        return None
     k, held, errors = middle(s), [], []
     for one in intervals(s):
         i = one.quantity.index
@@ -69,7 +72,12 @@ def _run(options: argparse.Namespace) -> None:
     with counted(done, len(seeds)):
         for seed in seeds:
             done.append(trial(with_unknowns(flight, seed, True)))
-    print(f'{options.scenario}\n{table(done)}')
+    flown = [one for one in done if one]
+    if not flown:
+        raise JobError(f'{options.scenario}: the vehicle never took off: nothing to compare')
+    print(f'{options.scenario}\n{table(flown)}')
+    if len(flown) < len(done):
+        print(f'{len(done) - len(flown)} of {len(done)} vehicles never took off: left out')
 
 
 def parser() -> Parser:

@@ -141,8 +141,13 @@ def summary(data: Mapping[str, Sequence[Any]]) -> str:
             shown = (*np.percentile(good, (5, 50, 95)), good.max())
             lines.append(f'{name:<18}' + ''.join(f' {x:>9.3g}' for x in shown)
                          + f'  {len(good)} of {flights}')
-    if grounded := int(np.isnan(np.asarray(data['estimation_rms'], dtype=float)).sum()):
+    untracked, unestimated = (np.isnan(np.asarray(data[name], dtype=float))
+                              for name in ('tracking_rms', 'estimation_rms'))
+    if grounded := int((untracked & unestimated).sum()):
         lines.append(f'{grounded} of {flights} flights never took off: no errors')
+    if unknown := int((~untracked & unestimated).sum()):
+        lines.append(f'{unknown} of {flights} flights have no estimation error: their estimate '
+                     'was not finite')
     lines.append(f'{sum(data["shutdown"])} of {flights} flights were shut down')
     if landed := sum(bool(why) and not down for why, down in zip(
             data['failsafe'], data['shutdown'], strict=True)):

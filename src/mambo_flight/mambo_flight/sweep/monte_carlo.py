@@ -8,7 +8,7 @@ to the last bit (tested).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 import math
 import time
 from typing import Any, NamedTuple
@@ -218,6 +218,11 @@ def metrics(
     out['fallen'] = floor and (a.fallen or never_rose)
     out['strayed'] = a.strayed
     return out
+
+
+def never_took_off(found: Mapping[str, Any]) -> bool:
+    """Return whether metrics are those of a vehicle that has not flown."""
+    return math.isnan(found['tracking_rms']) and math.isnan(found['estimation_rms'])
 
 
 @jit

@@ -56,6 +56,24 @@ def test_an_interrupt_says_how_many_were_flown(monkeypatch):
         coverage.main(['circle', '--seeds', '5'])
 
 
+def test_vehicles_that_never_take_off_are_counted_and_left_out(monkeypatch, capsys):
+    monkeypatch.setattr(coverage, 'trial', lambda flight: of_errors(True) if flight.seed % 2
+                        else None)
+    assert coverage.main(['circle', '--seeds', '5']) == 0
+    out = capsys.readouterr().out
+    assert out.endswith('2 of 5 vehicles never took off: left out\n') and ' of 3' in out
+    monkeypatch.setattr(coverage, 'trial', lambda flight: None)
+    assert coverage.main(['circle', '--seeds', '5']) == 1
+    assert capsys.readouterr().err.endswith('the vehicle never took off: nothing to compare\n')
+
+
+@pytest.mark.long
+def test_a_vehicle_too_heavy_to_fly_has_no_trial():
+    heavy = override(flight_of('circle'), {
+        'sim_node.duration': 12.0, 'sim_node.simulator.vehicle.mass': 0.15})
+    assert coverage.trial(heavy) is None
+
+
 def of_errors(held, error=0.01, rms=0.03):
     count = len(QUANTITIES)
     return coverage.Trial((held,) * count, (error,) * count, Path(rms, 2.0 * rms, rms),

@@ -185,6 +185,16 @@ def test_a_summary_has_percentiles_of_what_is_finite_and_counts_shutdowns():
                           'from its height, for 2 s']
 
 
+def test_a_summary_tells_flights_without_estimate_from_those_that_never_took_off():
+    data = {name: [0.5, 0.6, math.nan] for name in command.SHOWN}
+    data['estimation_rms'] = [0.1, math.nan, math.nan]
+    data |= {'flight': [0, 1, 2], 'shutdown': [False] * 3, 'failsafe': [''] * 3,
+             'fallen': [False] * 3, 'strayed': [False] * 3}
+    lines = summary(data).splitlines()
+    assert '1 of 3 flights never took off: no errors' in lines
+    assert '1 of 3 flights have no estimation error: their estimate was not finite' in lines
+
+
 def test_a_summary_counts_flights_that_repeat_another_one():
     data = {name: [0.5, math.nan, 0.5, float('nan'), 0.5] for name in command.SHOWN}
     data |= {'flight': list(range(5)), 'shutdown': [False] * 5, 'failsafe': [''] * 5,
