@@ -831,7 +831,7 @@ def main(arguments: list[str] | None = None) -> int:
             (outliers, 'impossible'), (frozen, 'frozen'))
             if (count := int(details.get(f'mocap_poses_{key}', 0)))]
         told = {line.partition(':')[0] for line in details.get('unusual', '').split('; ')}
-        notes += [line for line in bag_doubts.imported(options.output)
+        notes += [line for line in bag_doubts.imported(options.output, True)
                   if line.partition(':')[0] not in told]  # there by the names in the log
         report(options.log, options.output, counts, *notes, *unused(ignored))
 

@@ -364,7 +364,7 @@ def import_minidrone(
         _publish_onboard(log, out)
         _publish_battery(log, out)
     return writer.counts, (sensor_doubts(log, scale) + onboard_doubts(log)
-                           + bag_doubts.imported(target) + unused(log.ignored))
+                           + bag_doubts.imported(target, from_floor=True) + unused(log.ignored))
 
 
 def _import_package(
@@ -383,7 +383,7 @@ def _import_package(
         {'ignored': ', '.join(log.ignored) or 'nothing', 'decided': '; '.join(notes) or 'nothing'})
     with BagWriter(target, attachments=_parameters(alignment), metadata=record) as writer:
         publish(log, Publisher(writer, log.topics), SONAR_RANGE, FULL_QUALITY)
-    return writer.counts, notes + bag_doubts.imported(target) + unused(log.ignored)
+    return writer.counts, notes + bag_doubts.imported(target, from_floor=True) + unused(log.ignored)
 
 
 def parser() -> Parser:

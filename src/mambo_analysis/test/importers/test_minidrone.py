@@ -440,6 +440,27 @@ def test_the_log_of_a_simulink_model_on_a_mambo(tmp_path):
     assert record['source_sha256'] == hashlib.sha256(source.read_bytes()).hexdigest()
 
 
+@pytest.mark.parametrize('axis', [0, 1, 2])
+def test_a_position_of_the_wrong_sign_is_told_in_a_short_log(tmp_path, axis):
+    """A take-off and some seconds in the air."""
+    t = 0.005 * np.arange(1000)
+    position = np.stack([0.3 * np.sin(2.0 * t), 0.3 * np.cos(2.6 * t) - 0.3,
+                         -np.clip(t - 0.5, 0.0, 1.0) + 0.1 * np.sin(3.0 * t)], axis=1)
+    states = np.hstack([position, np.zeros((1000, 3)), np.gradient(position, 0.005, axis=0),
+                        np.zeros((1000, 3))])
+    for turned in (False, True):
+        states[:, axis] *= -1.0 if turned else 1.0
+        source, block = package(tmp_path / f'{turned}.mat')
+        package(source, rt_estimatedStates=block(states, t), rt_sensor=None, rt_References=None,
+                rt_yout=None)
+        _, notes = import_minidrone(source, tmp_path / f'{turned}')
+        name = 'xyz'[axis]
+        assert [f'{name} of the velocity shows the motion of -{name} of the position' in note
+                for note in notes if 'shows the motion' in note] == [True] * turned
+        assert sum('its height is negative throughout' in note
+                   for note in notes) == (turned and axis == 2)
+
+
 def test_the_other_names_of_the_package_s_blocks(tmp_path):
     _, block = package(tmp_path / 'unused.mat')
     motors = block(np.tile(np.array(MOTOR_SIGNS) * 300.0, (N, 1)))

@@ -41,13 +41,39 @@ FALLS = -0.4  # correlation of range and own height; -0.14 at least in twelve re
 RISES = 0.4  # correlation of pressure and height; 0.13 at most in twelve real flights
 FAST_SPEED = 0.2  # [m/s] of an estimate whose position cannot stand
 FAST = ('imu/data_raw', 'motor_pwm', TRACKED, OWN)
+AT_FLOOR, BELOW = 0.05, -0.2
+"""Largest 95th percentile and median of heights below the floor [m]. Diverged estimates of real
+flights reach -1.3 m, but with 0.1 m or more for a twentieth of the time."""
 PAUSE, PERIOD = 1.0, 0.1  # [s] of a topic with that period, at most
 COVERED = 0.75  # [-] of the time of a recording, at least, that a fast topic covers
 
 
-def imported(path: Path) -> list[str]:
-    """Return the doubts about a bag that was just imported."""
-    return doubts(read_bag(path, namespace=NAMESPACE))
+def imported(path: Path, from_floor: bool = False) -> list[str]:
+    """
+    Return the doubts about a bag that was just imported.
+
+    Parameters
+    ----------
+    path
+        Of the bag.
+    from_floor
+        Whether the drone's own height is 0 where it took off.
+
+    """
+    bag = read_bag(path, namespace=NAMESPACE)
+    return doubts(bag) + (_below_floor(bag) if from_floor else [])
+
+
+def _below_floor(bag: Bag) -> list[str]:
+    """Return a line about an estimate whose height is negative throughout."""
+    if OWN not in bag or len(bag[OWN]) < 2:
+        return []
+    height = bag[OWN].position[:, 2]
+    height = height[np.isfinite(height)]
+    if not len(height) or np.percentile(height, 95.0) > AT_FLOOR or np.median(height) > BELOW:
+        return []
+    return [f'{OWN}: its height is negative throughout, down to {height.min():.2f} m, and 0 is '
+            'where it took off: check the sign of its z and of its vertical velocity']
 
 
 def doubts(bag: Bag) -> list[str]:

@@ -251,6 +251,23 @@ def test_a_range_is_compared_with_the_height_that_the_drone_estimates(
     assert len(found) == bool(said) and said in ''.join(found)
 
 
+@pytest.mark.parametrize(('height', 'from_floor', 'told'), [
+    (lambda t: -min(t, 1.0), True, True),
+    (lambda t: -min(t, 1.0), False, False),  # whose zero may be anywhere
+    (lambda t: min(t, 1.0), True, False),
+    (lambda t: -1.3 if t > 1.0 else 0.2, True, False),  # it has diverged
+    (lambda t: -0.1, True, False)])
+def test_a_height_below_the_floor_throughout_is_told(tmp_path, height, from_floor, told):
+    with BagWriter(tmp_path / 'bag') as writer:
+        out = Publisher(writer, {'onboard/odom': any_table.TYPES['onboard/odom']})
+        for k in range(60):
+            out.publish('onboard/odom', 200_000_000 * k, 'odom', **out.odometry(out.pose(
+                (0.0, 0.0, height(0.2 * k)), (0.0, 0.0, 0.0, 1.0)), [np.nan] * 3, [np.nan] * 3))
+    found = [line for line in bag_doubts.imported(tmp_path / 'bag', from_floor)
+             if 'its height is negative throughout, down to -1.00 m' in line]
+    assert len(found) == told
+
+
 @pytest.mark.parametrize('sign, said', [(-1.0, False), (1.0, True)])
 def test_a_pressure_that_rises_with_the_height_is_told(tmp_path, sign, said):
     found = poses_and(tmp_path / 'bag', 'barometer/pressure', lambda out, height, pose: {

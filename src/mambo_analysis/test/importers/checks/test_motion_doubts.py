@@ -3,6 +3,7 @@
 from mambo_analysis.importers.checks import motion_doubts
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 T = np.arange(0.0, 20.0, 0.02)
 NAMES, RATES = ('x', 'y', 'z'), ('v_x', 'v_y', 'v_z')
@@ -106,3 +107,39 @@ def test_another_velocity_is_told_at_low_rates_too(rate):
     line, = motion_doubts.own_velocity(t, position, velocity * [0.7, 1.0, 1.0], NAMES, RATES)
     assert line.startswith('v_x is 0.')
     assert not motion_doubts.own_velocity(t, position, velocity, NAMES, RATES)
+
+
+@pytest.mark.parametrize('seconds', [3.0, 5.0, 9.0])
+@pytest.mark.parametrize('axis', [0, 1, 2])
+def test_a_sign_is_told_in_a_short_flight_if_the_motion_shows_it(seconds, axis):
+    """Flights of a minidrone last 3.5 to 13 s."""
+    rng = np.random.default_rng(axis)
+    t = np.arange(0.0, seconds, 0.005)
+    slow = gaussian_filter1d(rng.standard_normal((len(t) + 400, 3)), 60.0, axis=0)[200:-200]
+    position = 0.3 * np.cumsum(slow / slow.std(axis=0), axis=0) * 0.005
+    velocity = np.gradient(position, 0.005, axis=0)
+    assert not motion_doubts.own_velocity(t, position, velocity, NAMES, RATES)
+    position[:, axis] *= -1.0
+    line, = motion_doubts.own_velocity(t, position, velocity, NAMES, RATES)
+    assert line.startswith(f'{RATES[axis]} shows the motion of -{NAMES[axis]} ')
+
+
+def test_a_short_flight_whose_velocity_is_noise_says_nothing():
+    """Of 500 flights of 3 s in which position and velocity have nothing to do with each other."""
+    t, told = np.arange(0.0, 3.0, 0.05), 0
+    rng = np.random.default_rng(5)
+    for _ in range(500):
+        position, velocity = gaussian_filter1d(
+            rng.standard_normal((2, len(t) + 80, 3)), 8.0, axis=1)[:, 40:-40]
+        told += any('shows the motion' in line for line in motion_doubts.own_velocity(
+            t, position, velocity, NAMES, RATES))
+    assert told <= 50  # three axes against three, each at 2.5 standard errors: 2 * 0.6 % * 9 = 11 %
+
+
+def test_series_that_change_slowly_have_few_independent_pairs():
+    white, slow = np.random.default_rng(1).standard_normal((2, 1000)), np.arange(1000.0)
+    assert motion_doubts.independent(*white) > 900.0
+    both = gaussian_filter1d(white, 10.0, axis=1)  # 2 sqrt(pi) 10 = 35 samples each
+    assert 15.0 < motion_doubts.independent(*both) < 45.0
+    assert motion_doubts.independent(slow, slow) < 8.0
+    assert motion_doubts.independent(slow, 0.0 * slow) == 0.0
