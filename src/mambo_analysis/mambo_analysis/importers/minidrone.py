@@ -383,7 +383,8 @@ def _import_package(
         {'ignored': ', '.join(log.ignored) or 'nothing', 'decided': '; '.join(notes) or 'nothing'})
     with BagWriter(target, attachments=_parameters(alignment), metadata=record) as writer:
         publish(log, Publisher(writer, log.topics), SONAR_RANGE, FULL_QUALITY)
-    return writer.counts, notes + bag_doubts.imported(target, from_floor=True) + unused(log.ignored)
+    return writer.counts, (notes + bag_doubts.imported(target, from_floor=True)
+                           + unused(log.ignored))
 
 
 def parser() -> Parser:

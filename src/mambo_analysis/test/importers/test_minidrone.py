@@ -445,7 +445,7 @@ def test_a_position_of_the_wrong_sign_is_told_in_a_short_log(tmp_path, axis):
     """A take-off and some seconds in the air."""
     t = 0.005 * np.arange(1000)
     position = np.stack([0.3 * np.sin(2.0 * t), 0.3 * np.cos(2.6 * t) - 0.3,
-                         -np.clip(t - 0.5, 0.0, 1.0) + 0.1 * np.sin(3.0 * t)], axis=1)
+                         -np.clip(t - 0.5, 0.0, 1.0) + 0.03 * np.sin(3.0 * t)], axis=1)
     states = np.hstack([position, np.zeros((1000, 3)), np.gradient(position, 0.005, axis=0),
                         np.zeros((1000, 3))])
     for turned in (False, True):

@@ -39,8 +39,8 @@ SURE = 0.9  # correlation of a velocity that tells its scale
 ALONG = 0.95  # cosine between displacements and velocities of a whole flight, that tells it
 SCALE = 1.25  # [-] of it: seven flights of NanoBench 0.88 to 1.02
 LEAST_MOTION = 0.02
-"""Standard deviation of a displacement that tells a scale [m], and of few that tell an axis: parts of
-smaller ones follow the drift of another axis by chance."""
+"""Standard deviation of a displacement that tells a scale [m], and of few that tell an axis: parts
+of smaller ones follow the drift of another axis by chance."""
 
 
 def own_velocity(
