@@ -26,6 +26,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_erosion, gaussian_filter1d
 
+from .metrics import independent
 from .resample import inside_gaps
 from .time_offset import (
     AlignError, Grid, LEAST_QUALITY, LEAST_SWING, masked_correlation, RIVAL, time_offset,
@@ -68,6 +69,10 @@ RATE_STEP, RATE_SMOOTH = 0.02, 0.05  # s, of the signals that are stretched
 RATE_EDGE = 2.0 * CLIMB[1]  # s beside gaps and ends: a smoothed climb falls off there
 FINEST = 0.004
 """Difference of the best rate from 1 that is not told [-]: one step and the rest of rounding."""
+
+EVIDENCE = 16.0
+"""Twice the logarithm of the likelihood ratio of a rate and 1, at least: 4 standard errors. Some 75
+rates are tried that differ in a flight of 30 s, so that chance alone gives that once in 200."""
 
 
 class Vote(NamedTuple):
@@ -318,8 +323,9 @@ def best_rate(pairs: Pairs, clearly: float = RIVAL, least: int = 1) -> float:
     """
     Return by what the times of the second recording are multiplied to fit the first, -.
 
-    It is 1 unless another of ``RATES`` fits clearly better, and no half of the recording worse, as
-    it does where the clock jumps.
+    It is 1 unless another of ``RATES`` fits clearly better, by more than chance among the
+    independent samples that the signals have in common (``EVIDENCE``), and no half of the
+    recording worse, as it does where the clock jumps.
 
     Parameters
     ----------
@@ -345,6 +351,8 @@ def best_rate(pairs: Pairs, clearly: float = RIVAL, least: int = 1) -> float:
     span = min(max(len(one.values) for one in grids.values()) for grids in (flown, shown))
     if best < LEAST_QUALITY or abs(rate - 1.0) <= max(FINEST, CHANGE / (span * RATE_STEP)) or (
             1.0 - now ** 2 < clearly * (1.0 - best ** 2)):
+        return 1.0
+    if _evidence(flown, shown, rate) < EVIDENCE:
         return 1.0
     for half in _halves(shown):
         there, here = (_correlations(flown, half, each).mean(axis=0).max() for each in (rate, 1.0))
@@ -406,16 +414,47 @@ def _scan(
     return fit, dict(zip(seen, own.tolist()))
 
 
+def _stretched(one: Grid, rate: float) -> Grid:
+    """Return a signal whose times are multiplied by a rate."""
+    at = np.arange(0.0, len(one.values) - 1.0, 1.0 / rate)
+    return Grid(one.start, one.step, np.interp(at, np.arange(len(one.values)), one.values),
+                one.there[np.round(at).astype(int)])
+
+
 def _correlations(flown: dict[str, Grid], seen: dict[str, Grid], rate: float) -> Floats:
     """Return the correlation of each signal, stretched by a rate, at all offsets, (n, lags)."""
     out = []
     for name, one in seen.items():
-        at = np.arange(0.0, len(one.values) - 1.0, 1.0 / rate)
-        stretched = Grid(one.start, one.step, np.interp(
-            at, np.arange(len(one.values)), one.values), one.there[np.round(at).astype(int)])
+        stretched = _stretched(one, rate)
         least = max(0.5 * min(stretched.there.sum(), flown[name].there.sum()), 2.0)
         out.append(np.nan_to_num(masked_correlation(flown[name], stretched, least)[1]))
     return np.array(out)
+
+
+def _evidence(flown: dict[str, Grid], seen: dict[str, Grid], rate: float) -> float:
+    """
+    Return twice the logarithm of the likelihood ratio of a rate and of 1, each at its best offset.
+
+    Of each signal it is the logarithm of the ratio of the variances that are not explained, times
+    the number of independent samples less the three of bias, factor and offset.
+    """
+    fits, out = {each: _correlations(flown, seen, each) for each in (rate, 1.0)}, 0.0
+    best = {each: int(r.mean(axis=0).argmax()) for each, r in fits.items()}
+    for k, (name, one) in enumerate(seen.items()):
+        left = {each: 1.0 - max(float(r[k, best[each]]), 0.0) ** 2 + UNEXPLAINED
+                for each, r in fits.items()}
+        stretched = _stretched(one, rate)
+        count = independent(*_common(
+            flown[name], stretched, best[rate] + 1 - len(stretched.values)))
+        out += max(count - 3.0, 0.0) * math.log(left[1.0] / left[rate])
+    return out
+
+
+def _common(a: Grid, b: Grid, lag: int) -> tuple[Floats, Floats]:
+    """Return the samples of a and b that are both there, sample j of b beside j + lag of a."""
+    first, last = max(lag, 0), min(len(a.values), len(b.values) + lag)
+    there = a.there[first:last] & b.there[first - lag:last - lag]
+    return a.values[first:last][there], b.values[first - lag:last - lag][there]
 
 
 def _known(times: Floats, values: Floats) -> tuple[Floats, Floats]:

@@ -129,6 +129,23 @@ def drift(errors: Floats) -> Floats:
     return errors[good[-1]] if len(good) else np.full(errors.shape[1], np.nan)
 
 
+def independent(a: Floats, b: Floats) -> float:
+    """
+    Return how many independent pairs tell as much of a correlation as two series, (n,), do.
+
+    n over 1 + 2 sum of the products of both autocorrelations (Bartlett 1935, Some Aspects of the
+    Time-Correlation Problem in Regard to Tests of Significance), with weights that fall to 0 at
+    n, and at most n.
+    """
+    a, b = a - a.mean(), b - b.mean()
+    n, power = len(a), float(a @ a) * float(b @ b)
+    if power <= 0.0:
+        return 0.0
+    both = [float(a[k:] @ a[:-k]) * float(b[k:] @ b[:-k]) for k in range(1, n // 2)]
+    weights = 1.0 - np.arange(1, len(both) + 1) / n
+    return n / max(1.0 + 2.0 * float(weights @ both) / power, 1.0)
+
+
 def _variances(a: Floats, b: Floats, weight: Floats) -> Floats:
     """
     Return the variance of ``a - b[k:]`` for every k, over the elements with weight 1 (not 0).

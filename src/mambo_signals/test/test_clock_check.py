@@ -186,6 +186,18 @@ def test_a_right_rate_is_not_told_whatever_the_noise(rate, noise):
     assert clock_check.wrong_rate(stretched(rate, noise=noise)) == ''
 
 
+@pytest.mark.parametrize('seconds', [0.7, 1.5])
+@pytest.mark.parametrize('noise', [0.5, 2.0])
+def test_a_gyro_of_a_second_tells_no_rate(seconds, noise):
+    """Any motion is like a part of another at one of many rates: 3 to 11 of 12 were told."""
+    there = (T > 20.0) & (T < 20.0 + seconds)
+    for seed in range(12):
+        true, rng = rate(10 * seed), np.random.default_rng(seed)
+        gyro = np.interp(T[there], S, true) + noise * rng.standard_normal(there.sum())
+        one = {'roll rate': (T[there], gyro, T, np.interp(T, S, true))}
+        assert clock_check.best_rate(one) == 1.0
+
+
 @pytest.mark.parametrize('jump', [0.15, -0.3, 0.6, 3.0])
 @pytest.mark.parametrize('at', [20.0, 30.0, 45.0])
 def test_a_jump_is_no_wrong_rate(jump, at):

@@ -4,6 +4,7 @@ from hypothesis import given, strategies as st
 from mambo_signals import metrics
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 PERIOD = 0.01  # s
 
@@ -169,3 +170,12 @@ def test_a_delay_that_the_signals_do_not_determine_is_nan(case):
         'drifting': (np.sin(0.5 * AT) - 0.15 * np.cos(0.5 * AT) + 0.1 * np.sin(0.8 * AT),
                      np.sin(0.5 * AT))}[case]
     assert np.isnan(metrics.delay(a, b, PERIOD))
+
+
+def test_series_that_change_slowly_have_few_independent_pairs():
+    white, slow = np.random.default_rng(1).standard_normal((2, 1000)), np.arange(1000.0)
+    assert metrics.independent(*white) > 900.0
+    both = gaussian_filter1d(white, 10.0, axis=1)  # 2 sqrt(pi) 10 = 35 samples each
+    assert 15.0 < metrics.independent(*both) < 45.0
+    assert metrics.independent(slow, slow) < 8.0
+    assert metrics.independent(slow, 0.0 * slow) == 0.0

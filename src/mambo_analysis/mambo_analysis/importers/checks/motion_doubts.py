@@ -7,8 +7,8 @@ What public logs with an onboard estimate show, five of a Crazyflie where nothin
   other. Over 0.5 s, displacement and velocity of an axis have a correlation of 0.9 or more in
   three of them, of -0.1 to 0.5 along x and y of the other two; those of two axes 0.6 at most.
 * What a short flight shows is judged by the standard error of its correlation, that of Fisher's z
-  for as many pieces as are independent (:func:`independent`). Of 1548 parts of 3, 5 and 8 s and
-  whole flights of 86 recordings none gets a line that way.
+  for as many pieces as are independent (:func:`mambo_signals.metrics.independent`). Of 1548 parts
+  of 3, 5 and 8 s and whole flights of 86 recordings none gets a line that way.
 * The flow, averaged over 0.1 s, has a correlation of 0.37 to 0.95 with the velocity over the
   height less the turning, of 0.34 at most with the other axis.
 """
@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mambo_signals.gyro_check import differs
+from mambo_signals.metrics import independent
 import numpy as np
 from numpy.typing import NDArray
 
@@ -163,20 +164,3 @@ def _certain(r: float, count: float) -> bool:
     if count <= 3.0:
         return False
     return bool(np.arctanh(min(abs(r), 1.0 - 1e-12)) * np.sqrt(count - 3.0) >= CERTAIN)
-
-
-def independent(a: Floats, b: Floats) -> float:
-    """
-    Return how many independent pairs tell as much of a correlation as two series, (n,), do.
-
-    n over 1 + 2 sum of the products of both autocorrelations (Bartlett 1935, Some Aspects of the
-    Time-Correlation Problem in Regard to Tests of Significance), with weights that fall to 0 at
-    n, and at most n.
-    """
-    a, b = a - a.mean(), b - b.mean()
-    n, power = len(a), float(a @ a) * float(b @ b)
-    if power <= 0.0:
-        return 0.0
-    both = [float(a[k:] @ a[:-k]) * float(b[k:] @ b[:-k]) for k in range(1, n // 2)]
-    weights = 1.0 - np.arange(1, len(both) + 1) / n
-    return n / max(1.0 + 2.0 * float(weights @ both) / power, 1.0)

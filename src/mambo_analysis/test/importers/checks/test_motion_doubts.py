@@ -134,12 +134,3 @@ def test_a_short_flight_whose_velocity_is_noise_says_nothing():
         told += any('shows the motion' in line for line in motion_doubts.own_velocity(
             t, position, velocity, NAMES, RATES))
     assert told <= 55  # three axes against three, each beyond 2.5 sigma on either side: 11 %
-
-
-def test_series_that_change_slowly_have_few_independent_pairs():
-    white, slow = np.random.default_rng(1).standard_normal((2, 1000)), np.arange(1000.0)
-    assert motion_doubts.independent(*white) > 900.0
-    both = gaussian_filter1d(white, 10.0, axis=1)  # 2 sqrt(pi) 10 = 35 samples each
-    assert 15.0 < motion_doubts.independent(*both) < 45.0
-    assert motion_doubts.independent(slow, slow) < 8.0
-    assert motion_doubts.independent(slow, 0.0 * slow) == 0.0
