@@ -71,8 +71,10 @@ FINEST = 0.004
 """Difference of the best rate from 1 that is not told [-]: one step and the rest of rounding."""
 
 EVIDENCE = 16.0
-"""Twice the logarithm of the likelihood ratio of a rate and 1, at least: 4 standard errors. Some 75
-rates are tried that differ in a flight of 30 s, so that chance alone gives that once in 200."""
+"""Twice the logarithm of the likelihood ratio of a rate and 1, at least: 4 standard errors. Some
+75 rates are tried that differ in a flight of 30 s: chance alone gives that once in 200. Two real
+logs with gaps, of 0.1 and 4 s of the gyro, have up to 3.5; rates that are wrong by 1 to 20 % in
+nine real logs 57 or more."""
 
 
 class Vote(NamedTuple):
@@ -324,7 +326,7 @@ def best_rate(pairs: Pairs, clearly: float = RIVAL, least: int = 1) -> float:
     Return by what the times of the second recording are multiplied to fit the first, -.
 
     It is 1 unless another of ``RATES`` fits clearly better, by more than chance among the
-    independent samples that the signals have in common (``EVIDENCE``), and no half of the
+    independent samples of the signals (``EVIDENCE``), and no half of the
     recording worse, as it does where the clock jumps.
 
     Parameters
@@ -436,7 +438,8 @@ def _evidence(flown: dict[str, Grid], seen: dict[str, Grid], rate: float) -> flo
     Return twice the logarithm of the likelihood ratio of a rate and of 1, each at its best offset.
 
     Of each signal it is the logarithm of the ratio of the variances that are not explained, times
-    the number of independent samples less the three of bias, factor and offset.
+    the number of independent samples of what the rate does not explain, less the three of bias,
+    factor and offset.
     """
     fits, out = {each: _correlations(flown, seen, each) for each in (rate, 1.0)}, 0.0
     best = {each: int(r.mean(axis=0).argmax()) for each, r in fits.items()}
@@ -444,8 +447,9 @@ def _evidence(flown: dict[str, Grid], seen: dict[str, Grid], rate: float) -> flo
         left = {each: 1.0 - max(float(r[k, best[each]]), 0.0) ** 2 + UNEXPLAINED
                 for each, r in fits.items()}
         stretched = _stretched(one, rate)
-        count = independent(*_common(
-            flown[name], stretched, best[rate] + 1 - len(stretched.values)))
+        a, b = _common(flown[name], stretched, best[rate] + 1 - len(stretched.values))
+        rest = a - np.polyval(np.polyfit(b, a, 1), b) if np.ptp(b) > 0.0 else b
+        count = independent(rest, rest)
         out += max(count - 3.0, 0.0) * math.log(left[1.0] / left[rate])
     return out
 

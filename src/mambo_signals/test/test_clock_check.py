@@ -198,6 +198,17 @@ def test_a_gyro_of_a_second_tells_no_rate(seconds, noise):
         assert clock_check.best_rate(one) == 1.0
 
 
+@pytest.mark.parametrize('rate', [1.0, 0.97, 1.03])
+def test_a_slow_sine_of_the_height_tells_a_rate(rate):
+    """A few periods of a motion are few independent samples, but what is left of them is noise."""
+    t = T[:3000]
+    height = 0.3 * np.sin(1.8 * t)
+    seen = height + 0.005 * np.random.default_rng(0).standard_normal(len(t))
+    climb = {'climb rate': (*clock_check.climb(t[::4], seen[::4]),
+                            *clock_check.climb(rate * t, height))}
+    assert bool(clock_check.wrong_rate(climb)) == (rate != 1.0)
+
+
 @pytest.mark.parametrize('jump', [0.15, -0.3, 0.6, 3.0])
 @pytest.mark.parametrize('at', [20.0, 30.0, 45.0])
 def test_a_jump_is_no_wrong_rate(jump, at):
