@@ -7,14 +7,18 @@ with flow deck and a motion capture, Qualisys there. Everything is z up and FLU 
 (``controller_ae483.c``; yaw, pitch, roll are intrinsic z, y, x). Times are the drone's, since it
 was switched on; the parts of one instant come in several packets some ms apart, each possibly
 lost. Logs of the course's first years are read, too: ``{name: {time, data}}`` without a motion
-capture, whose times are whole milliseconds, and ``o_x`` for ``p_x``.
+capture, whose times are whole milliseconds, and ``o_x`` for ``p_x``. Where the course's signals
+are not in the log those of the firmware are taken (:mod:`.crazyflie_names`): ``motor.m1``,
+``gyro``, ``acc``, ``stateEstimate``, ``range.zrange``, ``motion``, ``ctrltarget``, ``pm.vbat``.
+Where it has both, a line says so.
 
 Inertial sensors
     ``w_*`` is the gyro in rad/s. ``a_z`` is g times the accelerometer, the specific force: at
-    rest it reads +9.810 m/s^2 (three logs), in flight it averages 9.75 to 9.83. The horizontal
-    accelerations were not logged: they are NaN, or 0 with ``--level``: what a rotorcraft feels
-    there is drag alone. ``imu/data_raw`` stands at the packets of ``w_x``; what came in another
-    packet is interpolated there. Where that was lost for long the acceleration is NaN.
+    rest it reads +9.810 m/s^2 (three logs), in flight it averages 9.75 to 9.83. The course does
+    not log the horizontal accelerations: without ``acc.x`` and ``acc.y`` of the firmware they are
+    NaN, or 0 with ``--level``: what a rotorcraft feels there is drag alone. ``imu/data_raw``
+    stands at the packets of ``w_x``; what came in another packet is interpolated there. Where that
+    was lost for long the acceleration is NaN.
 
 Optical flow
     ``n_x, n_y`` are counts of the PMW3901, of which the firmware predicts
@@ -89,7 +93,8 @@ from .common import (
     estimator_parameters, importer_parser, is_sound, LONGEST, NAMESPACE, new_samples, ONLY_CHANGES,
     provenance, Publisher, read_source, refuse_options, report, Source, stamps_ns, unused)
 from .crazyflie_names import (
-    FORMER, GOAL, GYRO, MOCAP, MOTORS, ODOMETRY, RATES, SAME_TURNING, USED)
+    ATTITUDE, BATTERY, COURSE, ESTIMATE, FORMER, GOAL, GYRO, HORIZONTAL, like_commands, MOCAP,
+    MOTORS, ODOMETRY, RATES, select, USED)
 
 Floats = NDArray[np.float64]
 Pair = tuple[Floats, Floats, Floats, Floats]
@@ -108,7 +113,7 @@ TOPICS = {
     'optical_flow': 'mambo_interfaces/msg/OpticalFlow',
     'motor_pwm': 'mambo_interfaces/msg/MotorPwm', 'onboard/odom': 'nav_msgs/msg/Odometry',
     'onboard/reference': 'geometry_msgs/msg/PoseStamped',
-    'optitrack/pose': 'geometry_msgs/msg/PoseStamped'}
+    'battery': 'sensor_msgs/msg/BatteryState', 'optitrack/pose': 'geometry_msgs/msg/PoseStamped'}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -119,7 +124,11 @@ class Log:
     Attributes
     ----------
     drone
-        {name without its group: (times (n,) s, values (n,))}.
+        {name of the course without its group: (times (n,) s, values (n,))}, SI.
+    origin
+        {that name: name in the log}, of signals of the firmware.
+    doubled
+        A line for each quantity that the log holds under both names.
     mocap : (m, 7)
         s of its own clock, m, rad; without the rows in which markers were lost, and without
         those that cannot be true.
@@ -139,6 +148,8 @@ class Log:
     """
 
     drone: dict[str, tuple[Floats, Floats]]
+    origin: dict[str, str]
+    doubled: list[str]
     mocap: Floats
     lost: int
     impossible: int
@@ -155,11 +166,21 @@ class Log:
 
     def at(self, times: Floats, *names: str) -> Floats:
         """Return signals at times, (n, k), interpolated over at most ``GAP``; NaN elsewhere."""
-        out = np.full((len(times), len(names)), math.nan)
-        for column, name in enumerate(names):
-            t, v = self.drone[name]
-            out[:, column] = interpolate(times, t, v[:, None], GAP)[:, 0]
-        return out
+        return _at(self.drone, times, names)
+
+    def source(self, *names: str) -> str:
+        """Return the names of signals in the log, without the group of the course."""
+        return ', '.join(self.origin.get(name, name) for name in names)
+
+
+def _at(
+    drone: dict[str, tuple[Floats, Floats]], times: Floats, names: tuple[str, ...],
+) -> Floats:
+    out = np.full((len(times), len(names)), math.nan)
+    for column, name in enumerate(names):
+        t, v = drone[name]
+        out[:, column] = interpolate(times, t, v[:, None], GAP)[:, 0]
+    return out
 
 
 def _numbers(path: Path, name: str, values: Any) -> Floats:
@@ -207,7 +228,7 @@ def _signals(
     drone, damaged = {}, []
     for name, entry in entries.items():
         group, _, short = name.partition('.')
-        short = FORMER.get(short, short) if group == 'ae483log' else name
+        short = FORMER.get(short, short) if group == COURSE else name
         try:
             if not _is_signal(entry):
                 raise BagError(f'{path}: {name} is not built as {{time, data}}')
@@ -246,23 +267,39 @@ def read_log(source: Source) -> Log:
         found = {'drone': _former(path, found)}
     if not isinstance(found, dict) or not isinstance(found.get('drone'), dict):
         raise BagError(f'{path}: no Crazyflie log: it has no "drone" with signals')
-    drone, ignored = _signals(path, found['drone'])
+    signals, damaged = _signals(path, found['drone'])
+    chosen = select(signals)
+    drone = _into_body(chosen.signals) if 'v_x' in chosen.origin else chosen.signals
     mocap, turned, lost, impossible, still, pitches = _mocap(path, found.get('mocap') or {})
     steep = {'mocap pitch': pitches}
     if 'theta' in drone:
-        wrong = plausible.refuse_steep(f'{path}: theta', *drone['theta'])
+        wrong = plausible.refuse_steep(
+            f'{path}: {chosen.origin.get("theta", "theta")}', *drone['theta'])
         steep['theta'] = int(wrong.sum())
         drone['theta'] = drone['theta'][0][~wrong], drone['theta'][1][~wrong]
     before = _leave_out_before(drone)
-    known = {*USED, *(() if 'w_x' in drone else GYRO)}
-    ignored += [name for name in drone if name not in known]
-    log = Log(drone, mocap, lost, impossible, still, ignored, former,
+    log = Log(drone, chosen.origin, chosen.doubled, mocap, lost, impossible, still,
+              damaged + chosen.ignored, former,
               {name: count for name, count in steep.items() if count}, before, turned)
-    if not (log.has(*RATES) or log.has(*GYRO)):
+    if not log.has(*RATES):
         raise BagError(f'{path}: no gyro (ae483log.w_x, w_y, w_z or gyro.x, y, z) with finite '
                        f'values; it has {", ".join(found["drone"]) or "no signals"}')
     _check(path, log)
     return log
+
+
+def _into_body(drone: dict[str, tuple[Floats, Floats]]) -> dict[str, tuple[Floats, Floats]]:
+    """Return the signals with a velocity that is in the axes of the position turned into FLU."""
+    names = ESTIMATE[6:]
+    if not all(name in drone for name in (*ATTITUDE, *names)):
+        return drone
+    t = drone[names[0]][0]
+    angles, velocity = _at(drone, t, ATTITUDE), _at(drone, t, names)
+    known = np.isfinite(np.hstack([angles, velocity])).all(axis=1)
+    turned = np.empty((0, 3))
+    if known.any():
+        turned = Rotation.from_euler('ZYX', angles[known]).inv().apply(velocity[known])
+    return drone | {name: (t[known], v) for name, v in zip(names, turned.T)}
 
 
 def _leave_out_before(drone: dict[str, tuple[Floats, Floats]]) -> int:
@@ -280,7 +317,7 @@ def _leave_out_before(drone: dict[str, tuple[Floats, Floats]]) -> int:
     if not begins:
         return 0
     count = int((drone[ODOMETRY[0]][0] < min(begins)).sum())
-    for name in ODOMETRY[:9]:
+    for name in ESTIMATE:
         t, v = drone.pop(name)
         if (after := t >= min(begins)).any():
             drone[name] = t[after], v[after]
@@ -288,49 +325,50 @@ def _leave_out_before(drone: dict[str, tuple[Floats, Floats]]) -> int:
 
 
 def _check(path: Path, log: Log) -> None:
-    """Raise BagError for signals of the drone that are not in the units of the course."""
-    for name in (*USED, *(() if log.has(*RATES) else GYRO)):
+    """Raise BagError for signals of the drone that are not in the units of their names."""
+    for name in USED:
         if log.has(name):
-            plausible.refuse_pace(f'{path}: {name}', log.drone[name][0])
-    if log.has(*RATES):
+            plausible.refuse_pace(f'{path}: {log.source(name)}', log.drone[name][0])
+    if 'w_x' not in log.origin:
         times = log.drone['w_x'][0]
-        rates = log.at(times, 'w_x', 'w_y', 'w_z')
+        rates = log.at(times, *RATES)
         known = np.isfinite(rates).all(axis=1)
         plausible.refuse_degrees(f'{path}: w_x, w_y, w_z', times[known], rates[known])
     _check_unit(path, log)
     if log.has('a_z'):
-        plausible.refuse_g(f'{path}: a_z', log.drone['a_z'][1])
+        name = log.source('a_z')
+        plausible.refuse_g(f'{path}: {name}', log.drone['a_z'][1],
+                           'give it in g' if 'a_z' in log.origin else 'give it in m/s^2')
         if (usual := float(np.median(log.drone['a_z'][1]))) < -plausible.NEVER:
-            raise BagError(f'{path}: a_z has a median of {usual:.4g} m/s^2: it is along z up, '
+            raise BagError(f'{path}: {name} has a median of {usual:.4g} m/s^2: it is along z up, '
                            'where it reads +9.8 at rest: turn its sign')
     if log.has(*MOTORS):
         times = log.drone[MOTORS[0]][0]
         commands = log.at(times, *MOTORS)
-        plausible.refuse_commands(f'{path}: {", ".join(MOTORS)}', commands)
+        plausible.refuse_commands(f'{path}: {log.source(*MOTORS)}', commands)
     if log.has('r'):
-        plausible.refuse_ranges(f'{path}: r', log.drone['r'][1])
+        plausible.refuse_ranges(f'{path}: {log.source("r")}', log.drone['r'][1])
 
 
 def _check_unit(path: Path, log: Log) -> None:
     """Raise BagError for a gyro in another unit than the drone's own attitude shows."""
-    (gyro, unit), (attitude, scale) = next(
-        pair for pair in SAME_TURNING if log.has(*pair[0][0]))
-    if not log.has(*attitude):
+    if not log.has(*ATTITUDE):
         return
-    times, t = log.drone[gyro[0]][0], log.drone[attitude[0]][0]
-    rates, angles = math.radians(unit) * log.at(times, *gyro), log.at(t, *attitude) * scale
+    times, t = log.drone['w_x'][0], log.drone['psi'][0]
+    rates, angles = log.at(times, *RATES), log.at(t, *ATTITUDE)
     known = np.isfinite(angles).all(axis=1)
     turning = gyro_check.compare(
         times, rates, t[known], np.array(_attitude(angles[known])).reshape(-1, 4))
+    gyro, attitude = log.source(*RATES), log.source(*ATTITUDE)
     if said := gyro_check.other_axes(turning):
-        raise BagError(f'{path}: {", ".join(gyro)}: {said} of the attitude {", ".join(attitude)}: '
+        raise BagError(f'{path}: {gyro}: {said} of the attitude {attitude}: '
                        'check names and signs')
     gain = gyro_check.other_unit(turning)
     if gain is not None:
-        names = 'rad/s, and these in rad' if unit != 1.0 else 'deg/s, and these in deg'
+        units = ['deg' if name in log.origin else 'rad' for name in ('w_x', 'psi')]
         raise BagError(
-            f'{path}: {", ".join(gyro)}: the gyro shows {gain:.3g} times the turning of the '
-            f'attitude {", ".join(attitude)}: give it in {names}')
+            f'{path}: {gyro}: the gyro shows {gain:.3g} times the turning of the '
+            f'attitude {attitude}: give it in {units[0]}/s, and these in {units[1]}')
 
 
 def _mocap(path: Path, found: Any) -> tuple[Floats, list[str], int, int, int, int]:
@@ -449,14 +487,13 @@ def _paths(log: Log, offset: float) -> tuple[Floats, Floats]:
 
 
 def _publish_imu(log: Log, out: Publisher, level: bool) -> None:
-    names, unit = ('w_x', 'w_y', 'w_z'), 1.0
-    if not log.has(*names):
-        names, unit = ('gyro.x', 'gyro.y', 'gyro.z'), math.pi / 180.0
-    times = log.drone[names[0]][0]
-    omega = unit * log.at(times, *names)
+    times = log.drone['w_x'][0]
+    omega = log.at(times, *RATES)
     force = np.full((len(times), 3), math.nan)
     if log.has('a_z'):
         force[:, 2] = log.at(times, 'a_z')[:, 0]
+    if log.has(*HORIZONTAL):
+        force[:, :2] = log.at(times, *HORIZONTAL)
     if level:
         force[np.isfinite(force[:, 2]), :2] = 0.0
     use = np.isfinite(omega).all(axis=1)
@@ -527,6 +564,10 @@ def _publish_onboard(log: Log, out: Publisher) -> None:
             if all(map(math.isfinite, row)):
                 out.publish('onboard/reference', stamp, 'odom',
                             pose=out.pose(row, (0.0, 0.0, 0.0, 1.0)))
+    if log.has(BATTERY):
+        t, volts = log.drone[BATTERY]
+        for stamp, v in zip(stamps_ns(t).tolist(), volts.tolist()):
+            out.publish('battery', stamp, '', **out.battery(v, math.nan))
 
 
 def _nearest(log: Log, times: Floats, names: tuple[str, ...]) -> Floats:
@@ -598,6 +639,8 @@ def _refuse_unused(
             (len(log.mocap), 'motion capture', {'mocap-offset': mocap not in ('auto', 'none')})):
         if not there:
             refuse_options(path, given, f'the log has no {what}')
+    if log.has(*HORIZONTAL):
+        refuse_options(path, {'level': level}, 'the log has the horizontal accelerations')
 
 
 def _contradictions(log: Log, moving: dict[str, Pair], offset: float) -> list[str]:
@@ -706,8 +749,16 @@ def _sigma(path: Path, log: Log, details: dict[str, Any]) -> float:
 
 def _left_out(log: Log) -> list[str]:
     """Return a line for each pitch of which values beyond a quarter turn are left out."""
-    return [f'{name}: {count} value{"s" * (count != 1)} beyond a quarter turn left out'
+    return [f'{log.source(name)}: {count} value{"s" * (count != 1)} beyond a quarter turn left out'
             for name, count in log.steep.items()]
+
+
+def _not_read(log: Log) -> list[str]:
+    """Return a line about signals that may be the motor commands, where none are read."""
+    if any(map(log.has, MOTORS)) or not (found := like_commands(log.ignored)):
+        return []
+    return [f'motor_pwm: none is read, but {", ".join(found)} may be commands: rename them to '
+            'motor.m1 to motor.m4 if they are the counts of the firmware, 0 to 65535']
 
 
 def _parameters(counts_per_radian: float) -> dict[str, str]:
@@ -758,7 +809,8 @@ def import_crazyflie(
     if offset is not None and (slip := slips.describe(
             'motion capture', log.mocap[:, 0] + offset, log.mocap[:, 1:4])):
         details['mocap_slip'] = slip[0]
-    if log.has('a_z') and (unusual := plausible.unusual('a_z', 'accel', log.drone['a_z'][1])):
+    if log.has('a_z') and (unusual := plausible.unusual(
+            log.source('a_z'), 'accel', log.drone['a_z'][1])):
         details['accelerometer'] = unusual[0]
     record = provenance(source.name, file.sha256, 'import_crazyflie', 'Crazyflie JSON log', {
         'counts_per_radian': counts_per_radian, 'flow_period_s': FLOW_PERIOD,
@@ -775,10 +827,12 @@ def import_crazyflie(
         **({'not_begun': f'onboard/odom: {log.before} samples left out at the start: its pose is '
                          '0 there, as its estimate has not begun'} if log.before else {}),
         **{key: '; '.join(lines) for key, lines in (
+            ('two_sources', log.doubled), ('commands', _not_read(log)),
             ('incomplete', crazyflie_doubts.incomplete(log)),
             ('unusual', crazyflie_doubts.unusual(log) + _other_scale(log, offset))) if lines}})
     with BagWriter(target, _parameters(counts_per_radian), record) as writer:
-        out = Publisher(writer, TOPICS)
+        out = Publisher(writer, {name: kind for name, kind in TOPICS.items()
+                                 if name != 'battery' or log.has(BATTERY)})
         _publish_imu(log, out, level)
         _publish_sensors(log, out, counts_per_radian, repeated_flow)
         _publish_onboard(log, out)
@@ -806,7 +860,7 @@ def parser() -> Parser:
                      help='to add to its clock; auto: by the range, gyro: by the gyro, none: '
                           'leave it out (default: %(default)s)')
     out.add_argument('--level', action='store_true',
-                     help='take the horizontal accelerations, not in the log, for 0')
+                     help='take the horizontal accelerations, where not in the log, for 0')
     out.add_argument('--repeated-flow', choices=('leave', 'zero'), default='leave',
                      help='counts that repeat: leave them out, or take them for zero, the '
                           'sensor having seen no motion (default: %(default)s)')
@@ -824,7 +878,8 @@ def main(arguments: list[str] | None = None) -> int:
             options.level, options.repeated_flow)
         notes = [f'{key}: {details[key]}' for key in details if key.startswith(
             ('layout', 'mocap', 'range', 'accelerometer'))]
-        for key in ('beyond_quarter_turn', 'not_begun', 'incomplete', 'unusual'):
+        for key in ('beyond_quarter_turn', 'not_begun', 'two_sources', 'commands', 'incomplete',
+                    'unusual'):
             notes += details[key].split('; ') if key in details else []
         ignored = [] if details['ignored'] == 'nothing' else details['ignored'].split(', ')
         notes += [about.describe('optitrack/pose', count) for about, key in (

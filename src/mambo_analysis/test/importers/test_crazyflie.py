@@ -88,10 +88,10 @@ def made(tmp_path_factory):
 
 def test_signals_that_are_not_used_are_named(tmp_path, capsys):
     log = flight()
-    log['drone']['pm.vbat'] = {'time': [10.0, 11.0], 'data': [3.9, 3.8]}
+    log['drone']['pm.state'] = {'time': [10.0, 11.0], 'data': [0.0, 0.0]}
     source = save(tmp_path / 'log.json', log)
     assert main([str(source), str(tmp_path / 'bag'), '--mocap-offset', 'none']) == 0
-    assert 'not used: pm.vbat\n' in capsys.readouterr().out
+    assert 'not used: pm.state\n' in capsys.readouterr().out
 
 
 def test_a_damaged_signal_that_is_not_used_costs_nothing(tmp_path, capsys):
@@ -119,6 +119,82 @@ def test_a_log_of_the_first_years_is_that_of_today(tmp_path, capsys):
     assert before.topics == today.topics and len(before.topics) == 7
     for topic in today.topics:
         assert before[topic].raw == today[topic].raw
+
+
+def of_the_firmware(drone):
+    """Return the same signals under the names and in the units of the firmware."""
+    def entry(name, factor=1.0):
+        one = drone[f'ae483log.{name}']
+        return {'time': one['time'], 'data': (factor * np.array(one['data'])).tolist()}
+
+    degree = np.degrees(1.0)
+    out = {f'gyro.{axis}': entry(f'w_{axis}', degree) for axis in 'xyz'}
+    out |= {f'motor.m{k}': entry(f'm_{k}') for k in (1, 2, 3, 4)}
+    out |= {'acc.z': entry('a_z', 1.0 / 9.81), 'range.zrange': entry('r', 1e3),
+            'motion.deltaX': entry('n_y', -1.0), 'motion.deltaY': entry('n_x', -1.0)}
+    out |= {f'ctrltarget.{axis}': entry(f'p_{axis}_des') for axis in 'xyz'}
+    out |= {f'stateEstimate.{axis}': entry(f'p_{axis}') for axis in 'xyz'}
+    out |= {f'stateEstimate.{name}': entry(short, factor) for name, short, factor in (
+        ('yaw', 'psi', degree), ('pitch', 'theta', -degree), ('roll', 'phi', degree))}
+    angles, speed = (np.array([drone[f'ae483log.{name}']['data'] for name in names]).T
+                     for names in (('psi', 'theta', 'phi'), ('v_x', 'v_y', 'v_z')))
+    world = Rotation.from_euler('ZYX', angles).apply(speed)
+    return out | {f'stateEstimate.v{axis}': entry(f'v_{axis}') | {'data': v.tolist()}
+                  for axis, v in zip('xyz', world.T)}
+
+
+def test_the_firmware_s_names_and_units_give_the_same_bag(tmp_path, capsys):
+    drone = flight()['drone']
+    theirs = of_the_firmware(drone) | {'pm.vbat': {'time': [10.0, 11.0], 'data': [3.9, 3.8]}}
+    for name, found in (('ours', drone), ('theirs', theirs)):
+        source = save(tmp_path / f'{name}.json', {'drone': found, 'mocap': {}})
+        assert main([str(source), str(tmp_path / name)]) == 0
+        assert 'not used' not in capsys.readouterr().out
+    ours, theirs = (read_bag(tmp_path / name) for name in ('ours', 'theirs'))
+    assert {*theirs.topics} == {*ours.topics, '/mambo/battery'}
+    np.testing.assert_allclose(theirs['battery'].voltage, [3.9, 3.8], rtol=1e-6)
+    for topic, names in (
+            ('imu/data_raw', ('angular_velocity', 'acceleration')), ('sonar/range', ('range',)),
+            ('optical_flow', ('rate_x', 'rate_y')), ('motor_pwm', ('pwm',)),
+            ('onboard/odom', ('position', 'orientation', 'velocity')),
+            ('onboard/reference', ('position',))):
+        both = np.isin(ours[topic].stamp, theirs[topic].stamp)
+        assert both.sum() == len(theirs[topic]) > 100
+        assert (~both).sum() <= (topic == 'onboard/odom')  # no attitude after the last velocity
+        for name in names:
+            np.testing.assert_allclose(
+                getattr(theirs[topic], name), getattr(ours[topic], name)[both], atol=1e-6)
+
+
+def test_the_horizontal_accelerations_of_the_firmware_are_read(tmp_path, capsys):
+    log = flight()
+    entry = log['drone']['ae483log.a_z']
+    log['drone'] |= {f'acc.{axis}': entry | {'data': [size] * len(entry['data'])}
+                     for axis, size in (('x', 0.1), ('y', -0.2))}
+    source = save(tmp_path / 'log.json', log)
+    assert main([str(source), str(tmp_path / 'bag'), '--mocap-offset', 'none']) == 0
+    force = read_bag(tmp_path / 'bag')['imu/data_raw'].acceleration
+    np.testing.assert_allclose(force[np.isfinite(force).all(axis=1)][:, :2], [[0.981, -1.962]] * (
+        np.isfinite(force).all(axis=1).sum()))
+    capsys.readouterr()
+    assert main([str(source), str(tmp_path / 'other'), '--level']) == 2
+    assert 'the log has the horizontal accelerations' in capsys.readouterr().err
+
+
+def test_a_second_source_and_commands_under_other_names_are_told(tmp_path, capsys):
+    log = flight()
+    drone = log['drone']
+    theirs = of_the_firmware(drone)
+    for k in (1, 2, 3, 4):
+        drone[f'pwm.m{k}_pwm'] = drone.pop(f'ae483log.m_{k}')
+    log['drone'] = drone | {name: theirs[name] for name in theirs if name.startswith('gyro')}
+    source = save(tmp_path / 'log.json', log)
+    assert main([str(source), str(tmp_path / 'bag'), '--mocap-offset', 'none']) == 0
+    out = capsys.readouterr().out
+    assert ('imu/data_raw: taken from ae483log.w_x, w_y, w_z, not from gyro.x, gyro.y, gyro.z, '
+            'which the log has, too\n') in out
+    assert ('motor_pwm: none is read, but pwm.m1_pwm, pwm.m2_pwm, pwm.m3_pwm, pwm.m4_pwm may be '
+            'commands: rename them to motor.m1 to motor.m4') in out
 
 
 @pytest.mark.parametrize(('name', 'lines'), [
