@@ -19,6 +19,13 @@ SETTLED = 0.5  # [s] time for which it must keep its height
 EVEN = 0.05  # [s] step of the time grid
 UNSEEN = 100_000_000  # [ns] between two references, above which a change has no time
 MOST = 4  # landings that are listed
+LATE = 500_000_000
+"""
+Time [ns] by which a topic may begin after a flight, or end before it.
+
+Loggers and nodes that an operator stops one by one end some tenths of a second apart. In the air
+the steady topics of the public recordings end within 0.01 s of each other.
+"""
 
 
 class Phases(NamedTuple):
@@ -29,6 +36,7 @@ class Phases(NamedTuple):
     how: str  # how the end of the take-off was determined, '{}' in place of each stamp below
     liftoff: int | None = None
     told: tuple[int, ...] = ()  # stamps in this text
+    end: int | None = None  # of the flight or its recording
 
     @property
     def text(self) -> str:
@@ -47,11 +55,15 @@ class Phases(NamedTuple):
 
     def moved(self, offset: int) -> Phases:
         """Return the same parts on a clock that is ahead by an offset [ns]."""
-        takeoff_end, landing_start, liftoff = (
+        takeoff_end, landing_start, liftoff, end = (
             None if stamp is None else stamp + offset
-            for stamp in (self.takeoff_end, self.landing_start, self.liftoff))
+            for stamp in (self.takeoff_end, self.landing_start, self.liftoff, self.end))
         return Phases(takeoff_end, landing_start, self.how, liftoff,
-                      tuple(stamp + offset for stamp in self.told))
+                      tuple(stamp + offset for stamp in self.told), end)
+
+    def goes_on(self, stamp: int) -> bool:
+        """Return whether the flight is known to last longer than to a stamp [ns], by LATE."""
+        return self.end is not None and stamp < self.end - LATE
 
 
 def _literal(text: str) -> str:

@@ -179,6 +179,13 @@ def test_a_pause_ends_the_take_off_if_it_lasts(pause, ends):
     assert (detect_phases(height(z)).takeoff_end < (4.7 + pause) * SECOND) == ends
 
 
+def test_a_flight_goes_on_only_where_its_end_is_known_and_later_by_more_than_a_moment():
+    parts = Phases(None, None, 'x', end=10**9).moved(10**9)
+    assert parts.end == 2 * 10**9
+    assert parts.goes_on(1_499_999_999) and not parts.goes_on(1_500_000_000)
+    assert not Phases(None, None, 'x').goes_on(0)
+
+
 def test_phases_missing_in_the_height_are_reported():
     t, z = profile()
     text = detect_phases(height(0.0 * z)).text

@@ -22,30 +22,22 @@ from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser, write_json
 from mambo_bags.reader import Bag, BagError, Messages, read_bag
 from mambo_flight.world import separation
-from mambo_signals import damaged, height_check, metrics, motion, resample, stamps
+from mambo_signals import damaged, height_check, metrics, motion, stamps
 from mambo_signals.flight_phases import detect_phases, Phases, phases
 from mambo_signals.resample import continuous_quaternions, Floats, Ints
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from . import pair, tables
+from . import losses, pair, tables
 from ..importers.checks import slips
 from .ending import (
     ended_early, ended_in_the_air, landed_by_itself, refused_messages, without_poses)
 from .events import parameters
+from .losses import COUNTED
 from .pair import Alignment, Comparison, Quantity
 from .tables import table
 
-STEADY = (
-    'imu/data_raw', 'sensor_tick', 'ground_truth/odom', 'estimate/odom', 'estimator/state',
-    'reference', 'controller/state', 'motor_pwm', 'onboard/odom', 'onboard/reference',
-    'optitrack/pose')
-"""Topics with a constant period, estimated from their own stamps."""
-COUNTED = {
-    'imu/data_raw': 'imu', 'sonar/range': 'sonar', 'optical_flow': 'optical_flow',
-    'barometer/pressure': 'barometer'}
-"""Topics whose samples ``sensor_tick`` counts, with the field that holds the count."""
 _ODOMETRY = 'nav_msgs/msg/Odometry'
 TYPES = {
     'imu/data_raw': 'sensor_msgs/msg/Imu', 'sonar/range': 'sensor_msgs/msg/Range',
@@ -112,19 +104,6 @@ def _against_onboard(
             ('attitude', 'deg', rpy, aligned.attitude))]
 
 
-def _lost(bag: Bag, topic: str, messages: Messages) -> int | None:
-    """Return the number of messages missing from a topic; None if unknown."""
-    if topic in COUNTED and 'sensor_tick' in bag:
-        tick = bag['sensor_tick']
-        last = int(np.argmax(tick.stamp))
-        have = int((messages.stamp <= tick.stamp[last]).sum())
-        return max(int(tick[COUNTED[topic]][last]) - have, 0)
-    if topic in STEADY:
-        period = resample.median_period(messages.stamp)
-        return 0 if math.isnan(period) else metrics.count_missing(messages.stamp, period)
-    return None
-
-
 def check_types(bag: Bag) -> None:
     """Raise BagError if a topic that is compared or drawn has another type than expected."""
     for topic, expected in TYPES.items():
@@ -134,7 +113,7 @@ def check_types(bag: Bag) -> None:
                 f'{bag.path}: {bag.name(topic)} has the type {found}, expected {expected}')
 
 
-def _topics(bag: Bag) -> list[dict[str, Any]]:
+def _topics(bag: Bag, flight: losses.Span | None) -> list[dict[str, Any]]:
     """Return messages, rate by the stamps and losses of every topic."""
     out = []
     for name in sorted(bag.topics):
@@ -146,7 +125,7 @@ def _topics(bag: Bag) -> list[dict[str, Any]]:
             entry['messages'] = len(messages)
             try:
                 stamps = messages.stamp
-                entry['lost'] = _lost(bag, topic, messages)
+                entry['lost'] = losses.count(bag, topic, flight)
             except BagError:  # unknown encoding: count the messages without decoding
                 stamps = messages.log_time
             span = int(stamps.max() - stamps.min()) * 1e-9
@@ -165,12 +144,13 @@ def _factor(bag: Bag) -> float | None:
     return None
 
 
-def _doubts(bag: Bag) -> list[str]:
+def _doubts(bag: Bag, flight: losses.Span | None) -> list[str]:
     """Return what a reader must know about the messages of a bag, one line each."""
     return [*bag.notes, *refused_messages(bag), *without_poses(bag), *landed_by_itself(bag),
             *ended_in_the_air(bag), *stamps.doubtful(bag), *damaged.not_finite(bag),
-            *damaged.poses_not_finite(bag), *stamps.repeated(bag, motion.MOTIONS),
-            *slips.own_leap(bag), *height_check.of_bag(bag)]
+            *damaged.poses_not_finite(bag), *losses.describe(bag, flight),
+            *stamps.repeated(bag, motion.MOTIONS), *slips.own_leap(bag),
+            *height_check.of_bag(bag)]
 
 
 def compare(bag: Bag) -> dict[str, Any]:
@@ -198,7 +178,8 @@ def compare(bag: Bag) -> dict[str, Any]:
 
     """
     check_types(bag)
-    parts, notes = phases(bag), _doubts(bag)
+    flight = losses.span(bag)
+    parts, notes = losses.flown(bag, flight), _doubts(bag, flight)
     errors = [pair.section(comparison['position'], comparison.title, parts)
               for comparison in pair.within(bag, parts, notes)]
     if 'onboard/odom' in bag and 'estimate/odom' in bag:
@@ -209,7 +190,7 @@ def compare(bag: Bag) -> dict[str, Any]:
         'source': bag.metadata.get('import', {}).get('source_file'),
         **_takeoff(parts, bag.end), 'landing_start': _seconds(parts.landing_start),
         'ending': ended_early(bag), 'errors': errors,
-        'topics': _topics(bag), 'notes': list(dict.fromkeys(notes))}
+        'topics': _topics(bag, flight), 'notes': list(dict.fromkeys(notes))}
 
 
 def _seconds(stamp: int | None) -> float | None:
@@ -286,10 +267,11 @@ def compare_replay(origin: Bag, answer: Bag) -> str:
         why = (f'as {origin.path} has no samples of {" and ".join(lacking)}'
                if lacking else 'the estimator did not answer')
         raise BagError(f'{answer.path}: no estimate/odom, {why}')
-    estimate, parts, lines = answer['estimate/odom'], phases(origin), []
+    flight = losses.span(origin)
+    estimate, parts, lines = answer['estimate/odom'], losses.flown(origin, flight), []
     notes = [*origin.notes, *stamps.doubtful(origin), *damaged.not_finite(origin),
              *(f'{name}: {line}' for name, bag in (('recorded', origin), ('replayed', answer))
-               for line in damaged.poses_not_finite(bag))]
+               for line in (*damaged.poses_not_finite(bag), *losses.describe(bag, flight)))]
     sections = []
     if 'estimate/odom' in origin:
         lines += _identical(origin['estimate/odom'], estimate)
@@ -407,7 +389,10 @@ def compare_bags(
         theirs, max(ours.stamps[0], theirs.stamps[0]))) if own else pair.aligned(
             ours, theirs, what, begin)
     ours = alignment.moved(ours)
-    parts = _parts(a, other, ours, theirs, alignment.offset)
+    flights = [losses.span(a)] if other is a else [losses.span(a), losses.span(other)]
+    ends = [flight.end + offset for flight, offset in zip(flights[::-1], (0, alignment.offset))
+            if flight is not None]
+    parts = _parts(a, other, ours, theirs, alignment.offset)._replace(end=min(ends, default=None))
     quantities = pair.motions(ours, theirs)
     if other is not a:
         quantities += pair.commands(a, other, alignment.offset)
@@ -415,8 +400,8 @@ def compare_bags(
         f'{ours.name} of A minus {theirs.name} of B', (f'A: {ours.name}', f'B: {theirs.name}'),
         tuple(quantities), parts)
     both = (('', a),) if other is a else (('A: ', a), ('B: ', other))
-    notes = [*(f'{name}{line}' for name, bag in both
-               for line in _doubts(bag)),
+    notes = [*(f'{name}{line}' for (name, bag), flight in zip(both, flights)
+               for line in _doubts(bag, flight)),
              alignment.text, _reference(a, other, alignment), *pair.left_out((ours, theirs)),
              *(f'no {name}: only compared where both tell it'
                for name in ('velocity', 'attitude') if name not in {q.name for q in quantities})]

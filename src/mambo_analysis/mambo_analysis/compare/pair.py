@@ -354,11 +354,13 @@ def commands(a: Bag, b: Bag, offset: int) -> list[Quantity]:
     return out
 
 
-def _row(name: str, errors: Floats) -> dict[str, Any]:
+def _row(name: str, stamps: Ints, errors: Floats) -> dict[str, Any]:
     s, drift = metrics.statistics(errors), metrics.drift(errors)
+    last = stamps[np.isfinite(errors).all(axis=1)][-1:]
     return {'part': name, 'count': s.count, 'rms': list(s.rms), 'rms_total': s.rms_total,
             'maximum': list(s.maximum), 'maximum_total': s.maximum_total,
-            'drift': drift.tolist(), 'drift_total': float(np.linalg.norm(drift))}
+            'drift': drift.tolist(), 'drift_total': float(np.linalg.norm(drift)),
+            'drift_at': float(last[0]) * 1e-9 if len(last) else None}
 
 
 def _delays(quantity: Quantity, inside: np.ndarray) -> list[float | None]:
@@ -378,8 +380,9 @@ def section(quantity: Quantity, title: str, phases: Phases) -> dict[str, Any]:
     Return the statistics of a quantity, one row for each part of the flight.
 
     ``quantity``, ``title``, ``unit``, ``axes`` and ``rows``, each of ``part``, ``count``,
-    ``rms``, ``maximum``, ``drift`` (the last error) and ``delay`` [s] by axis, and
-    ``rms_total``, ``maximum_total`` and ``drift_total`` of the length. ``too_few``: how many
+    ``rms``, ``maximum``, ``drift`` (the last error) and ``delay`` [s] by axis, ``rms_total``,
+    ``maximum_total`` and ``drift_total`` of the length, and ``drift_at`` [s], the time of the last
+    error. ``ends_early``: whether the flight goes on after the last of all. ``too_few``: how many
     samples the parts have that have some, but fewer than ``LEAST``.
     """
     rows: list[dict[str, Any]] = []
@@ -390,17 +393,19 @@ def section(quantity: Quantity, title: str, phases: Phases) -> dict[str, Any]:
             inside &= quantity.stamps >= begin
         if end is not None:
             inside &= quantity.stamps < end
-        errors = quantity.error[inside]
+        stamps, errors = quantity.stamps[inside], quantity.error[inside]
         count = int(np.isfinite(errors).all(axis=1).sum())
         if 0 < count < LEAST:
             too_few[name] = count
-            errors = errors[:0]
-        row = _row(name, errors)
+            stamps, errors = stamps[:0], errors[:0]
+        row = _row(name, stamps, errors)
         if row['count'] or not rows:
             row['delay'] = _delays(quantity, inside)
             rows.append(row)
+    last = rows[0]['drift_at']
     return {'quantity': quantity.name, 'title': title, 'unit': quantity.unit,
-            'axes': list(quantity.axes), 'rows': rows, 'too_few': too_few}
+            'axes': list(quantity.axes), 'rows': rows, 'too_few': too_few,
+            'ends_early': last is not None and phases.goes_on(round(last * 1e9))}
 
 
 def left_out(motions: Collection[Motion]) -> list[str]:

@@ -26,13 +26,13 @@ from mambo_model import palette
 from mambo_model.whole_file import PAGE, write_text
 from mambo_signals import metrics, motion
 from mambo_signals.every_signal import signals
-from mambo_signals.flight_phases import Phases, phases
+from mambo_signals.flight_phases import Phases
 from mambo_signals.metrics import Floats
 from mambo_signals.motion import Motion
 import numpy as np
 from plotly.offline import get_plotlyjs
 
-from . import events, figures, markup, tables
+from . import events, figures, losses, markup, tables
 from .figures import Line, Panel, Plot
 from .pair import Alignment, Comparison, Quantity, within
 
@@ -217,7 +217,8 @@ def _cards(
         elif name == 'position' and not out:
             out = [('position RMS', f'{row["rms_total"]:.3f} m', where),
                    ('largest', f'{row["maximum_total"]:.3f} m', where),
-                   ('final drift', f'{entry["rows"][0]["drift_total"]:.3f} m', 'at the end')]
+                   ('final drift', f'{entry["rows"][0]["drift_total"]:.3f} m',
+                    tables.end(entry))]
             delays = [value for value in row['delay'] if value is not None]
             if delays:
                 delay = 1e3 * float(np.median(delays))
@@ -310,7 +311,7 @@ def of_two(
 
 def of_one(bag: Bag, result: Mapping[str, Any]) -> Report:
     """Return the report of :func:`mambo_analysis.compare.compare.compare`."""
-    parts = phases(bag)
+    parts = losses.flown(bag, losses.span(bag))
     comparisons = within(bag, parts, [])[::-1]  # the estimate first
     by_name = {}
     for name in (*motion.candidates(bag), 'reference'):
@@ -357,6 +358,8 @@ def _section_table(entry: Mapping[str, Any]) -> str:
         *row['rms'], row['rms_total'], row['maximum_total'], row['drift_total'])),
         *('–' if value is None else f'{value:.3f}' for value in row['delay']),
         str(row['count'])] for row in entry['rows'] if row['count']]
+    if entry['ends_early']:  # the first row is that of the whole flight
+        rows[0][head.index('final drift')] += f' {tables.end(entry)}'
     return markup.table(
         f'{entry["title"]} [{entry["unit"]}]', head, rows, tables.too_few(entry))
 

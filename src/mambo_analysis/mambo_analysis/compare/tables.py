@@ -24,6 +24,11 @@ def too_few(entry: Mapping[str, Any]) -> list[tuple[str, str]]:
             for part, count in entry['too_few'].items()]
 
 
+def end(entry: Mapping[str, Any]) -> str:
+    """Return where a section has its last error: a time, if the flight goes on after it."""
+    return f'at {entry["rows"][0]["drift_at"]:.2f} s' if entry['ends_early'] else 'at the end'
+
+
 def section(entry: Mapping[str, Any]) -> list[str]:
     """Return the lines of a section: RMS by part, the error at the end, the delay."""
     axes, unit = entry['axes'], entry['unit']
@@ -43,7 +48,7 @@ def section(entry: Mapping[str, Any]) -> list[str]:
     if last['count']:
         numbers = ''.join(
             _cell(value, width) for value in (*last['drift'], last['drift_total']))
-        lines.append(f'  {f"at the end [{unit}]":<16}{numbers}')
+        lines.append(f'  {f"{end(entry)} [{unit}]":<16}{numbers}')
     if any(value is not None for value in main['delay']):
         lines.append(f'  {"delay [s]":<16}' + ''.join(
             f'{"-":>{width}}' if value is None else _cell(value, width)
@@ -125,13 +130,14 @@ def write_csv(result: Mapping[str, Any], path: Path) -> Path:
     with replacing(path, COMPARISON) as part, part.open('w', newline='', encoding='utf-8') as file:
         out = csv.writer(file)
         out.writerow(['comparison', 'quantity', 'unit', 'part', 'axis', 'samples', 'rms',
-                      'maximum', 'final_drift', 'delay_s'])
+                      'maximum', 'final_drift', 'delay_s', 'drift_at_s'])
         for entry in result['errors']:
             for row in entry['rows']:
                 start = [entry['title'], entry['quantity'], entry['unit'], row['part']]
                 for axis, *values in zip(entry['axes'], row['rms'], row['maximum'],
                                          row['drift'], row['delay']):
-                    out.writerow([*start, axis, row['count'], *values])
+                    out.writerow([*start, axis, row['count'], *values, row['drift_at']])
                 out.writerow([*start, 'total', row['count'], row['rms_total'],
-                              row['maximum_total'], row['drift_total'], None])
+                              row['maximum_total'], row['drift_total'], None,
+                              row['drift_at']])
     return path

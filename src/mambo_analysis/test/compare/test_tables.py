@@ -11,12 +11,13 @@ def row(part='whole flight', count=100, delay=(None, None, None), scale=1.0):
         (0.1, 0.2, 0.3), (1.0, 2.0, 3.0), (-0.01, 0.02, -0.03)))
     return {'part': part, 'count': count, 'rms': rms, 'rms_total': 0.4 * scale, 'maximum': most,
             'maximum_total': 4.0 * scale, 'drift': drift, 'drift_total': 0.05 * scale,
-            'delay': list(delay)}
+            'drift_at': 18.5, 'delay': list(delay)}
 
 
 def section(*rows, **changed):
     return {'title': 'Position: estimate minus truth', 'quantity': 'position', 'unit': 'm',
-            'axes': ['x', 'y', 'z'], 'rows': list(rows) or [row()], 'too_few': {}, **changed}
+            'axes': ['x', 'y', 'z'], 'rows': list(rows) or [row()], 'too_few': {},
+            'ends_early': False, **changed}
 
 
 def result(**changed):
@@ -159,3 +160,8 @@ def test_a_csv_file_that_cannot_be_written_leaves_nothing(tmp_path):
     (tmp_path / 'file').write_text('')
     with pytest.raises(ValueError, match='file'):
         tables.write_csv(result(), tmp_path / 'file' / 'a.csv')
+
+
+def test_the_last_error_has_its_time_where_the_flight_goes_on():
+    assert tables.section(section(ends_early=True))[-1].startswith('  at 18.50 s [m]  ')
+    assert tables.section(section())[-1].startswith('  at the end [m]  ')
