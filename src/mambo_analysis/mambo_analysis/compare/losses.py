@@ -7,7 +7,7 @@ nothing: only the flight that goes on without it tells.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 import math
 from typing import NamedTuple
 
@@ -28,6 +28,10 @@ COUNTED = {
     'imu/data_raw': 'imu', 'sonar/range': 'sonar', 'optical_flow': 'optical_flow',
     'barometer/pressure': 'barometer'}
 """Topics whose samples ``sensor_tick`` counts, with the field that holds the count."""
+
+FLOWN = (*motion.TRUTH, 'onboard/odom')
+"""Motions that show take-off and landing: an estimate that was made later may drift or diverge."""
+ESTIMATED = tuple(name for name in motion.MOTIONS if name not in FLOWN)
 
 
 class Span(NamedTuple):
@@ -64,25 +68,22 @@ def _in_motors(bag: Bag) -> _Seen | None:
     if 'motor_pwm' not in bag:
         return None
     motors = bag['motor_pwm']
-    turning = motors.stamp[(motors.pwm > 0.0).any(axis=1)]
+    try:
+        turning = motors.stamp[(motors.pwm > 0.0).any(axis=1)]
+    except BagError:  # of an unknown encoding: its reader says so
+        return None
     return _Seen(int(turning.min()), int(turning.max()), False, False) if len(turning) else None
 
 
-def _seen(bag: Bag) -> Iterator[_Seen]:
-    """Yield what each signal of a bag shows of the flight."""
-    for name in motion.MOTIONS:
+def _seen(bag: Bag, names: Collection[str]) -> Iterator[_Seen]:
+    """Yield what each of some motions of a bag shows of the flight."""
+    for name in names:
         try:
             found = _in_motion(motion.read(bag, name)) if name in bag else None
         except BagError:  # of another type, or too few samples: its reader says so
             continue
         if found is not None:
             yield found
-    try:
-        motors = _in_motors(bag)
-    except BagError:
-        return
-    if motors is not None:
-        yield motors
 
 
 def _recording_end(bag: Bag) -> int | None:
@@ -100,11 +101,15 @@ def span(bag: Bag) -> Span | None:
     air is flown from its first or to its last message, or as long as the motors turn. In a
     simulation every node works until the end, so its flight ends with the recording.
     """
-    found = list(_seen(bag))
-    if not found:
+    flown, estimated = list(_seen(bag, FLOWN)), list(_seen(bag, ESTIMATED))
+    motors = _in_motors(bag)
+    every = [*flown, *estimated, *([motors] if motors else [])]
+    if not every:
         return None
-    begin = min([one.begin for one in found if one.takeoff] or [one.begin for one in found])
-    end = max([one.end for one in found if one.landing] or [one.end for one in found])
+    begin, end = min(one.begin for one in every), max(one.end for one in every)
+    for found in (estimated, flown):  # the last that knows decides
+        begin = min([one.begin for one in found if one.takeoff], default=begin)
+        end = max([one.end for one in found if one.landing], default=end)
     if pair.simulated(bag):
         end = _recording_end(bag) or end
     return Span(begin, end)

@@ -12,7 +12,7 @@ from synthetic import make_flight, Maker, STEP
 
 S = 10**9  # ns
 HOP = (2.0, 8.0)  # s, in the air
-ODOMETRIES = ('onboard/odom', 'estimate/odom', 'ground_truth/odom')
+ODOMETRIES = ('onboard/odom', 'estimate/odom')
 
 
 def hop(t):
@@ -105,6 +105,21 @@ def test_a_hover_that_is_recorded_in_the_air_lasts_as_long_as_any_position(tmp_p
     assert losses.span(bag) == Span(0, 11_980_000_000)
     found, = notes(command.compare(bag))
     assert 'from 0.000 to 3.000 s and from 8.980 to 11.980 s of the flight' in found
+
+
+def test_an_estimate_that_drifts_on_the_floor_moves_no_end_of_the_flight(tmp_path):
+    maker = Maker(tmp_path / 'b', ODOMETRIES)
+    for step in range(0, 2400, 4):
+        t = step * 0.005
+        if 1.0 <= t < 9.0:
+            maker.odometry('onboard/odom', step * STEP, hop(t))
+        maker.odometry('estimate/odom', step * STEP, hop(t) + [0.0, 0.0, 0.1 * t])
+    maker.writer.close()
+    bag = read_bag(tmp_path / 'b')
+    flight = losses.span(bag)
+    assert flight.begin == pytest.approx(2 * S, abs=0.2 * S)
+    assert flight.end == pytest.approx(8 * S, abs=0.2 * S)
+    assert losses.describe(bag, flight) == []
 
 
 def test_a_drone_that_never_moves_lacks_nothing(tmp_path):
