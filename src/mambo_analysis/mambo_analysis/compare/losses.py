@@ -177,15 +177,27 @@ def _line(messages: Messages, parts: list[Span]) -> str:
             'only the rest')
 
 
-def describe(bag: Bag, flight: Span | None) -> list[str]:
+def describe(
+    bag: Bag, flight: Span | None, topics: Collection[str] = (*STEADY, *COUNTED),
+) -> list[str]:
     """
-    Return a line about each topic that begins after a flight or ends before it.
+    Return a line about each topic that begins late in a flight or ends early.
 
     A sensor that the watermarks count is judged by its count alone: one that has failed sends no
-    more. Parameters as of :func:`count`.
+    more.
+
+    Parameters
+    ----------
+    bag
+        Recording.
+    flight
+        Of :func:`span`.
+    topics
+        To look at; those without a constant period that nothing counts have no line.
+
     """
     out = []
-    for topic in dict.fromkeys((*STEADY, *COUNTED)):
+    for topic in dict.fromkeys(topics):
         if topic not in bag or topic not in STEADY and not _counted(bag, topic):
             continue
         try:

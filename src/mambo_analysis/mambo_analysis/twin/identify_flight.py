@@ -218,7 +218,7 @@ def voltage_notes(found: Found, base: Base, values: str) -> list[str]:
 
 def reading_notes(flight: Recorded) -> list[str]:
     """Return how a flight was read where it is not as usual, one line each."""
-    lines = []
+    lines = [f'{flight.name}: {line}' for line in flight.absent]
     if flight.late:
         lines.append(
             f'{flight.name}: the poses are {abs(flight.late):.2f} s '

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from . import contradictions
+from ..compare import losses
 from ..identify.regression import IdentifyError
 
 Floats = NDArray[np.float64]
@@ -117,6 +118,9 @@ class Recorded(NamedTuple):
         Time between new readings of the battery, s; NaN if it has none or one.
     pace
         Usual time between samples of the IMU or the motor commands, the longer one, s.
+    absent
+        A line about each signal that begins late in the flight or ends early: none of it is used
+        there.
 
     """
 
@@ -142,6 +146,7 @@ class Recorded(NamedTuple):
     gain: Floats = np.ones((3, 2))
     askew: float = 0.0
     pace: float = np.nan
+    absent: tuple[str, ...] = ()
 
     @property
     def turn(self) -> Rotation:
@@ -447,4 +452,6 @@ def read_flight(path: Path, namespace: str | None = None) -> Recorded:
     return Recorded(path.name, **found, **rows._asdict(), mounting=mounting,
                     has_flow='optical_flow' in bag, onboard=_onboard(bag, found['t']), bias=bias,
                     gain=gain, askew=askew, late=late if abs(late) > LATE else 0.0,
-                    battery_pace=battery_pace(bag), pace=_pace(bag))
+                    battery_pace=battery_pace(bag), pace=_pace(bag),
+                    absent=tuple(losses.describe(
+                        bag, losses.span(bag), ('imu/data_raw', 'motor_pwm', track.name))))

@@ -73,6 +73,16 @@ def test_a_recording_cut_to_the_flight_is_all_flight(tmp_path):
 
 
 @pytest.mark.long
+def test_a_signal_that_ends_in_flight_is_said_to_end_there(tmp_path):
+    """The motors go on for 4 s without a position."""
+    def cut(data):
+        data.loc[data['t'] > 12.0, ['x', 'y', 'z', 'qx', 'qy', 'qz', 'qw']] = np.nan
+        return data
+    notes = reading_notes(read_flight(bag(tmp_path, cut)))
+    assert sum('no message' in line for line in notes) == 1
+    assert notes[0].startswith('bag: /mambo/optitrack/pose: no message from 12.000 to 15.99')
+
+
 def test_a_second_flight_in_the_bag_is_said_to_be_unused(tmp_path):
     def again(data):
         short = data[(data.t < 12.0)].copy()
