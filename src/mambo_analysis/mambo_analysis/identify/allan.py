@@ -100,27 +100,49 @@ def allan(x: Floats, rate: float) -> Allan:
     return Allan(m / rate, points, *np.array(bounds).T)
 
 
-def white_density(x: Floats, rate: float, tau: float = 0.1) -> Interval:
+def white_density(x: Floats, rate: float, walk: Interval, tau: float = 0.1) -> Interval:
     """
     Return the angle (velocity) random walk N, unit of the signal per sqrt(Hz).
 
-    That is the Allan deviation times sqrt(tau) near ``tau`` seconds, where vibration and other
-    fast noise are averaged away and random walk is not felt yet.
+    The Allan variance near ``tau`` seconds, where vibration and other fast noise are averaged
+    away, is ``N^2 / tau + K^2 tau / 3 (1 + 1 / (2 m^2))`` in averages of m samples. The interval
+    adds the squared errors of the Allan variance and of what the bias walks.
+
+    Parameters
+    ----------
+    x : (n,)
+        Signal at rest, at least 8 samples.
+    rate : Hz
+        Of the samples.
+    walk
+        Random walk K of its bias, of :func:`random_walk`.
+    tau : s
+        Averaging time.
+
     """
     m = min(max(round(tau * rate), 1), len(x) // 8)
-    found = interval_of_deviation(deviation(x, m), degrees_of_freedom(len(x), m, 'white'))
-    return Interval(*(float(v * np.sqrt(m / rate)) for v in found))
+    size, (k, k_low, k_high) = deviation(x, m), (
+        v * v * m / rate / 3.0 * (1.0 + 0.5 / (m * m)) for v in walk)
+    kind = 'white' if 2.0 * k < size * size else 'walk'
+    value, low, high = (
+        v * v for v in interval_of_deviation(size, degrees_of_freedom(len(x), m, kind)))
+    white = max(value - k, 0.0)
+    ends = (white, white - np.hypot(value - low, k_high - k),
+            white + np.hypot(high - value, k - k_low))
+    return Interval(*(float(np.sqrt(max(v, 0.0) * m / rate)) for v in ends))
 
 
-def bias_instability(curve: Allan) -> tuple[Interval, bool]:
+def bias_instability(curve: Allan) -> tuple[Interval, bool, float]:
     """
     Return the minimum of the curve over 0.664, and whether the curve rises after it.
 
-    If it does not, the recording is too short and the value is a bound from above.
+    If it does not, the recording is too short and the value is a bound from above. The third
+    value is the factor by which the variance of white noise in a sample enters its square.
     """
     k = int(np.argmin(curve.deviation))
     found = Interval(*(float(v[k] / FLICKER) for v in curve[1:]))
-    return found, bool((curve.low[k:] > curve.deviation[k]).any())
+    rises = bool((curve.low[k:] > curve.deviation[k]).any())
+    return found, rises, float(curve.tau[0] / curve.tau[k] / FLICKER**2)
 
 
 def random_walk(x: Floats, rate: float) -> Interval:

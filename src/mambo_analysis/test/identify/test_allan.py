@@ -66,9 +66,23 @@ def test_degrees_of_freedom_are_those_of_the_scatter(noise, make, m):
 
 
 def test_white_density_covers_the_truth():
-    found = [allan.white_density(white(seed, 2000, 0.02), RATE) for seed in range(SEEDS)]
+    none = allan.Interval(0.0, 0.0, 0.0)
+    found = [allan.white_density(white(seed, 2000, 0.02), RATE, none) for seed in range(SEEDS)]
     assert covered(found, 0.02 * np.sqrt(STEP)) >= FEWEST
     assert np.mean([f.high / f.low for f in found]) < 1.35
+
+
+@pytest.mark.parametrize(('K', 'share'), [(0.0, 0.0), (0.01, 0.14), (0.0245, 0.5)])
+def test_white_density_is_without_what_the_bias_walks(K, share):
+    """Of the Allan variance at 0.1 s a share of K^2 tau / 3 is that of the walk."""
+    N, tau, found = 0.02 * np.sqrt(STEP), 0.1, []
+    assert K**2 * tau / 3 / (K**2 * tau / 3 + N**2 / tau) == pytest.approx(share, abs=0.01)
+    for seed in range(20):
+        x = white(seed, 4000, 0.02) + walk(seed + 999, 4000, K)
+        found.append(allan.white_density(x, RATE, allan.random_walk(x, RATE)))
+    assert covered(found, N) >= binom.ppf(0.005, 20, 0.95)
+    # standard error of the median of 20 with 300 degrees of freedom: 1 %, more with the walk taken
+    assert np.median([f.value for f in found]) == pytest.approx(N, rel=0.05)
 
 
 @pytest.mark.long
@@ -111,10 +125,13 @@ def test_a_signal_of_one_level_has_no_walk():
 
 
 def test_bias_instability_is_a_bound_until_the_curve_rises():
-    value, reached = allan.bias_instability(allan.allan(white(0, 4000), RATE))
-    assert not reached
+    value, reached, share = allan.bias_instability(allan.allan(white(0, 4000), RATE))
+    assert not reached and share < 0.01
     rising = white(0, 4000, 0.02) + walk(1, 4000, 0.02)
-    value, reached = allan.bias_instability(allan.allan(rising, RATE))
+    curve = allan.allan(rising, RATE)
+    value, reached, share = allan.bias_instability(curve)
+    m = 2**np.argmin(curve.deviation)  # samples averaged there
+    assert share == pytest.approx(1.0 / (0.664 * 0.664 * m), rel=0.01)
     # lowest point of white noise N and walk K: sqrt(2 N K / sqrt(3)), over 0.664
     lowest = np.sqrt(2 * 0.02 * np.sqrt(STEP) * 0.02 / np.sqrt(3)) / 0.664
     assert reached and value.low < lowest * 1.1 and lowest * 0.9 < value.high

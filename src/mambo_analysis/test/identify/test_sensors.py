@@ -202,8 +202,7 @@ def test_bench_recording_gives_the_noise_of_the_simulated_imu():
         accel = found(recording('noisedata'), f'accel {name}', 'noise at rest')
         assert accel.low < params.accel_noise[axis] < accel.high
         gyro = found(recording('noisedata'), f'gyro {name}', 'noise at rest')
-        total = np.hypot(params.gyro_noise[axis], params.gyro_resolution / np.sqrt(12))
-        assert gyro.low < total < gyro.high
+        assert gyro.low < params.gyro_noise[axis] < gyro.high
     step = found(recording('noisedata'), 'gyro', 'resolution')
     assert step.low < params.gyro_resolution < step.high
 

@@ -6,7 +6,9 @@ Reads bags, Parrot minidrone logs (``RSdata*.mat``) and ``noisedata.mat``. Each 
 
 * proportions and medians by the binomial distribution (Clopper-Pearson, order statistics);
 * standard deviations and Allan deviations by chi2 with their equivalent degrees of freedom;
-* random walk by likelihood; everything else by a jackknife over ten stretches of the recording.
+* angle and velocity random walk by the Allan variance at 0.1 s without what the bias walks;
+* random walk of the bias by likelihood;
+* everything else by a jackknife over ten stretches of the recording.
 
 At rest means that over half a second no axis of the gyro varies by more than 0.01 rad/s and none
 of the accelerometer by more than 0.2 m/s^2 (standard deviation): ten times the noise at rest of

@@ -7,15 +7,18 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from ..allan import (
-    allan, Allan, bias_instability, deviation_at_rest, random_walk, white_density)
+    allan, Allan, bias_instability, deviation_at_rest, Interval, random_walk, white_density)
 from ..recording import Recording, Stream
 from .phases import airborne, SHORTEST_REST, stretch_at_rest, WEIGHT
-from .statistics import repeating, resolution, robust_sigma
+from .repeats import hidden, WHOLE
+from .rounding import rounding, Rounding, without
+from .statistics import Array, FEW, repeating, resolution, robust_sigma
 from .table import entry, Measured, timing
 
 AXES = 'xyz'
 LEAST = 40  # samples
-SLOWEST_VIBRATION = 60.0  # Hz, of the samples: four times the lowest frequency of a vibration
+VIBRATION = 15.0  # Hz, lowest frequency of a vibration
+SLOWEST_VIBRATION = 4.0 * VIBRATION  # Hz, of the samples
 HELD = 0.4  # share of samples that only hold the one before: a sensor has noise on six axes
 
 
@@ -29,17 +32,41 @@ def _at_rest(recording: Recording, rest: slice) -> tuple[list[Measured], dict[st
             x, name = stream.values[rest, axis], f'{sensor} {AXES[axis]}'
             if not x.std() > 0.0:
                 continue
-            n = len(x)
-            curve = curves[name] = allan(x, rate)
-            lowest, reached = bias_instability(curve)
-            walk = 'angle' if sensor == 'gyro' else 'velocity'
-            lines += [
-                entry(name, 'noise at rest', unit, deviation_at_rest(x), n),
-                entry(name, f'{walk} random walk', f'{unit}/sqrt(Hz)', white_density(x, rate), n),
-                entry(name, 'bias instability', unit, lowest, n,
-                      '' if reached else 'at most: the curve still falls'),
-                entry(name, 'bias random walk', f'{unit}/sqrt(s)', random_walk(x, rate), n)]
+            step = _step(stream, axis)
+            by = rounding(x, rate, step)
+            if by is None:
+                told = [hidden(step)] * len(_quantities(sensor))
+            else:
+                curves[name] = allan(x, rate)
+                told = _noise(x, rate, curves[name], by)
+            lines += [entry(name, quantity, f'{unit}{per}', found, len(x), note)
+                      for (quantity, per), (found, note) in zip(_quantities(sensor), told)]
     return lines, curves
+
+
+def _quantities(sensor: str) -> tuple[tuple[str, str], ...]:
+    """Return what :func:`_noise` tells of a sensor, and what its unit is divided by."""
+    walk = 'angle' if sensor == 'gyro' else 'velocity'
+    return (('noise at rest', ''), (f'{walk} random walk', '/sqrt(Hz)'),
+            ('bias instability', ''), ('bias random walk', '/sqrt(s)'))
+
+
+def _noise(x: Array, rate: float, curve: Allan, by: Rounding) -> list[tuple[Interval, str]]:
+    """Return noise, white density, bias instability and walk of samples, (n,), and notes."""
+    lowest, reached, share = bias_instability(curve)
+    walk = random_walk(x, rate)
+    return [
+        (without(deviation_at_rest(x), by), ''),
+        (without(white_density(x, rate, walk), by, 1.0 / rate), ''),
+        (without(lowest, by, share), '') if reached else (
+            lowest, 'at most: the curve still falls'),
+        (walk, '')]
+
+
+def _step(stream: Stream, axis: int) -> float:
+    """Return the resolution of an axis in the unit of the stream; 0 if it has none."""
+    found = resolution(stream.values[:, axis])
+    return found.value if found else 0.0
 
 
 def _no_vibration(recording: Recording, stream: Stream) -> str:
@@ -63,10 +90,17 @@ def _in_flight(recording: Recording) -> list[Measured]:
             continue
         rate = 1.0 / float(np.median(np.diff(stream.t)))
         air = airborne(recording, stream.t)
-        high = sosfiltfilt(butter(4, 15.0, 'high', fs=rate, output='sos'), stream.values, axis=0)
+        high = sosfiltfilt(
+            butter(4, VIBRATION, 'high', fs=rate, output='sos'), stream.values, axis=0)
         for axis in range(3):
-            lines.append(entry(f'{sensor} {AXES[axis]}', 'vibration in flight', unit,
-                               robust_sigma(high[air, axis]), air.sum()))
+            step = _step(stream, axis)
+            found, note = robust_sigma(high[air, axis]), ''
+            if found.value < WHOLE * step:
+                found, note = hidden(step)
+            else:
+                found = without(found, Rounding(step**2 / 12.0, 0.0), 1.0 - 2.0 * VIBRATION / rate)
+            lines.append(entry(
+                f'{sensor} {AXES[axis]}', 'vibration in flight', unit, found, air.sum(), note))
     return lines
 
 
@@ -102,8 +136,9 @@ def measure(recording: Recording) -> tuple[list[Measured], dict[str, Allan]]:
     lines, curves = timing('imu', recording.gyro), {}
     for sensor, stream, unit in (
             ('gyro', recording.gyro, 'rad/s'), ('accel', recording.accel, 'm/s^2')):
-        found = [r for r in (resolution(stream.values[:, k]) for k in range(3)) if r]
-        if found:
+        many, few = ([r for r in (resolution(x, fewest) for x in stream.values.T) if r]
+                     for fewest in (FEW, 2))
+        if found := many or few:
             best = min(found, key=lambda r: r.high - r.low)
             lines.append(entry(sensor, 'resolution', unit, best, len(stream.t)))
     rest = stretch_at_rest(recording)

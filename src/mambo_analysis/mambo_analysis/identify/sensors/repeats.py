@@ -169,6 +169,11 @@ def filled(t: Array, values: Array) -> Array:
     return np.repeat(values, np.r_[counts, 1])
 
 
+def hidden(step: float) -> tuple[Interval, str]:
+    """Return that there is no number for a noise below a step, and the note that says so."""
+    return NOT_TOLD, f'not to be told: hidden by steps of {step:.3g}'
+
+
 def shown(found: Interval, step: float, full: Interval | None = None) -> tuple[Interval, str]:
     """
     Return a noise as far as the recording shows it, and a note.
@@ -193,7 +198,7 @@ def shown(found: Interval, step: float, full: Interval | None = None) -> tuple[I
     if not step:
         return NOT_TOLD, 'not to be told: all readings are equal'
     if least < step * (HIDDEN if full is None else WHOLE):
-        return NOT_TOLD, f'not to be told: hidden by steps of {step:.3g}'
+        return hidden(step)
     if full is not None:
         found = Interval(found.value, min(found.low, full.low), max(found.high, full.high))
     return found, ''

@@ -12,6 +12,9 @@ from ..allan import Interval, LEVEL
 
 Array = NDArray[np.float64]
 STRETCHES = 10  # of the jackknife
+FEW = 5         # levels, of which a line shows that they lie on one
+OFTEN = 10      # readings of each level, from which on few levels are those of a resolution
+FLOAT32 = 2.0**-24  # relative error of a rounded float32
 MAD = 1.4826    # standard deviation over median absolute deviation, normal
 
 
@@ -81,16 +84,48 @@ def white_sigma(x: Array) -> Interval:
     return robust_sigma(np.diff(x, 2) / np.sqrt(6.0))
 
 
-def resolution(x: Array) -> Interval | None:
+def _merged(values: Array) -> Array | None:
+    """Return the levels of values, (n,): those that float32 leaves apart are one; or None."""
+    ordered = np.unique(values)
+    apart = 4.0 * FLOAT32 * float(np.abs(ordered).max())
+    parts = np.split(ordered, np.flatnonzero(np.diff(ordered) > apart) + 1)
+    if any(np.ptp(part) > apart for part in parts):
+        return None  # the values lie anywhere
+    return np.array([part.mean() for part in parts])
+
+
+def resolution(x: Array, fewest: int = 2) -> Interval | None:
     """
     Return the resolution: all values are its multiples plus an offset; None if there is none.
 
-    Neighbouring values give a first guess, a line through ever more of them the step. The
-    interval is that of the slope.
+    Values that differ by the error of float32 are one level. Fewer than ``FEW`` levels count where
+    each is read ``OFTEN`` times in the mean: values that lie anywhere hardly ever occur twice.
+    The interval is that of the slope; digits left out hardly show in few levels.
+
+    Parameters
+    ----------
+    x : (n,)
+        Values; those that are not finite are left out.
+    fewest
+        Levels, below which there is none.
+
     """
-    levels = np.unique(x[np.isfinite(x)])
+    values = x[np.isfinite(x)]
+    if not len(values):
+        return None
+    merged = _merged(values)
+    found = None if merged is None else _step(merged, len(values), fewest)
+    return found or _step(np.unique(values), len(values), fewest)
+
+
+def _step(levels: Array, n: int, fewest: int) -> Interval | None:
+    """
+    Return the step of at least ``fewest`` levels, (k,), of n values; None if there is none.
+
+    Neighbouring levels give a first guess, a line through ever more of them the step.
+    """
     gaps = np.diff(levels)
-    if len(gaps) < 4:
+    if len(levels) < max(fewest, FEW if n < OFTEN * len(levels) else 2):
         return None
     step, reach = float(np.median(gaps[gaps < 1.5 * gaps.min()])), min(8, len(gaps))
     while True:
@@ -102,7 +137,8 @@ def resolution(x: Array) -> Interval | None:
             step, offset = np.linalg.lstsq(
                 np.c_[steps, np.ones(len(part))], part, rcond=None)[0]
         error = np.sqrt(((part - offset - step * steps)**2).mean())
-        if error > 0.1 * step:  # 0.29 of a step if the values lie anywhere
+        free = len(part) / max(len(part) - 2, 1)  # two more are those of the line
+        if error * np.sqrt(free) > 0.1 * step:  # 0.29 of a step if the values lie anywhere
             return None
         if reach >= len(gaps):
             break

@@ -112,6 +112,30 @@ def test_the_step_of_rounded_values_is_found(step):
     assert noisy is None or noisy.low <= step <= noisy.high
 
 
+@pytest.mark.parametrize(('levels', 'step'), [
+    ([0, 1], np.pi / 180), ([-1, 0, 1], np.pi / 180), ([0, 1, 3], 0.2), ([0, 1, 2, 3], 9.80665)])
+def test_few_levels_that_are_read_often_show_the_step(levels, step):
+    x = np.random.default_rng(4).choice(levels, 400) * step + 9.81
+    assert resolution(x).value == pytest.approx(step, rel=1e-9)
+    assert resolution(x, fewest=5) is None and resolution(x[:9 * len(levels)]) is None
+
+
+@pytest.mark.parametrize('levels', [[0.0, 1.0, 2.4], [0.0, 1.0, 2.0, 3.5]])
+def test_few_levels_that_lie_anywhere_have_no_step(levels):
+    assert resolution(np.random.default_rng(4).choice(levels, 400)) is None
+
+
+@pytest.mark.parametrize('count', [3, 60])
+def test_values_apart_by_the_error_of_float32_are_one_level(count):
+    """As where deg or g were converted in float32, and a bias was taken off before or after."""
+    rng = np.random.default_rng(5)
+    k = rng.integers(-(count // 2), count // 2 + 1, 4000)
+    exact = np.pi / 180 * k + 9.81
+    noisy = exact * (1.0 + rng.choice([-1.0, 0.0, 1.0], 4000) * 2.0**-24)
+    assert len(np.unique(noisy)) > len(np.unique(exact))
+    assert resolution(noisy).value == pytest.approx(np.pi / 180, rel=1e-5)
+
+
 @pytest.mark.parametrize('x', [
     np.random.default_rng(3).normal(size=500), np.ones(100), np.arange(4.0), np.full(10, np.nan)])
 def test_values_that_lie_anywhere_have_no_step(x):
