@@ -391,7 +391,8 @@ def main(arguments: list[str] | None = None) -> int:
         return based(result.Report(
             f'{options.part} drag of {options.bag.name}', {part.symbol: value},
             {'rms residual [m]': found.fit.rms, 'rms without it [m]': found.without,
-             'motion capture turned by [deg]': math.degrees(found.place.turn),
+             'motion capture turned about z of map, up [deg]': math.degrees(
+                 flip_vector((0.0, 0.0, found.place.turn))[2]),
              'motion capture late by [s]': found.place.late,
              'positions': len(found.t),
              'drag reading': reading},

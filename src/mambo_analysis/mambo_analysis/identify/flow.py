@@ -69,7 +69,7 @@ class Factor(NamedTuple):
 
     offset: Value         # 1
     slope: Value | None   # 1/m of (C.2b); 1 of (C.2a), times exp(h); None: a constant
-    bias: tuple[float, float]  # rad/s, of the flow
+    bias: tuple[float, float]  # rad/s, of the flow, body FRD
     leak: Value | None     # 1, share of the rotation in the flow; None: taken for 0
     fit: regression.Fit
 
@@ -474,7 +474,8 @@ def _report(path: Path, data: Samples, leak: bool, slowest: float) -> result.Rep
     facts = {
         'law of the estimator': best, 'samples': len(data.t),
         'heights [m]': f'{data.height.min():.2f} .. {data.height.max():.2f}',
-        'offset of the flow [rad/s]': '{:.4f}, {:.4f}'.format(*found[best].bias)}
+        'offset of the flow x, y, body FLU [rad/s]': '{:.4f}, {:.4f}'.format(
+            *flip_vector((*found[best].bias, 0.0))[:2])}
     facts |= {f'rms residual, {law} [rad/s]': one.fit.rms for law, one in found.items()}
     return result.Report(
         f'flow factor of {path.name}', values, facts, notes, {}, _draw(data, found),

@@ -64,7 +64,7 @@ class Motor(NamedTuple):
 
     time_constant: Value  # s
     gain: Value           # 1, thrust over mass, over that of the vehicle
-    offset: float         # m/s^2, of the accelerometer
+    offset: float         # m/s^2, of the accelerometer along z, body FRD
     without: float        # m/s^2, rms about the mean of what is left with no lag
     t: Floats             # (m,) s, of the means that were compared
     measured: Floats      # (m,) m/s^2
@@ -323,7 +323,7 @@ def main(arguments: list[str] | None = None) -> int:
         return based(result.Report(
             f'lag of the motors of {options.bag.name}',
             {'time constant': value, 'thrust over that of the map': found.gain},
-            {'accelerometer offset [m/s^2]': found.offset,
+            {'accelerometer offset z, body FLU [m/s^2]': flip_vector((0.0, 0.0, found.offset))[2],
              'rms residual [m/s^2]': found.rms, 'rms without lag [m/s^2]': found.without,
              'samples': found.samples, 'order of the residual': found.fit.order[0]},
             ['a delay of the commands counts as lag, late stamps of theirs as less',

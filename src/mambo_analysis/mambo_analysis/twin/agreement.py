@@ -45,5 +45,5 @@ def table(found: Sequence[tuple[str, Found]]) -> tuple[str, list[str], list[list
         some = [row for row in counts if row[0] not in left_out]
         body.append([title, *('' for _ in found),
                      f'{sum(row[1] for row in some)} of {sum(row[2] for row in some)}'])
-    return ('each flight alone, interval of 95 %; pairs of flights that agree',
+    return ('each flight alone, interval of 95 %, axes of body FLU; pairs of flights that agree',
             ['parameter', *(name for name, _ in found), 'agree'], body)

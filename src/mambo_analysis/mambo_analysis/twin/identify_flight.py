@@ -48,7 +48,7 @@ METHOD = f'{result.METHOD}; wider where {BLOCKS} parts of the flight disagree (j
 
 
 def _resting(flight: Recorded) -> dict[str, Value]:
-    """Return bias of the gyro and noise of both sensors, from the rest before take-off."""
+    """Return bias of the gyro, body FLU, and noise of both sensors, from the rest at the start."""
     out: dict[str, Value] = {}
     count = flight.rest.stop - flight.rest.start
     if not count:
@@ -62,7 +62,7 @@ def _resting(flight: Recorded) -> dict[str, Value]:
             if name == 'gyro':
                 half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, count - 1)) * sigma / count ** 0.5
                 mean = float(x.mean())
-                out[f'gyro bias {axis}'] = Value(mean, mean - half, mean + half, unit)
+                out[f'gyro bias {axis}, body FLU'] = Value(mean, mean - half, mean + half, unit)
             scale = (count - 1) ** 0.5 * sigma
             out[f'{name} noise {axis}'] = Value(
                 sigma, scale / float(low) ** 0.5, scale / float(high) ** 0.5, unit)
@@ -351,7 +351,8 @@ def identify(
     values = found.shown
     values |= {f'inertia {axis}': one.value for axis, one in moments.items() if one.value}
     values |= {'hover command': hover, **_resting(flight)}
-    notes = [f'not shown by this flight: {line}' for line in found.hidden]
+    notes = ['x, y and z, roll and pitch are of body FLU, the axes of imu/data_raw: x forward, y '
+             'left, z up', *(f'not shown by this flight: {line}' for line in found.hidden)]
     notes += of_inertia
     if flight.rest.stop == flight.rest.start:
         notes.append('not shown by this flight: biases and noise: no second of rest, motors off, '
@@ -369,7 +370,7 @@ def identify(
              'mass [kg], not identified': start.mass,
              'markers turned by, roll [deg]': float(angles[0]),
              'markers turned by, pitch [deg]': float(angles[1]),
-             'accelerometer bias z [m/s^2]': flight.bias,
+             'accelerometer bias z, body FLU [m/s^2]': flight.bias,
              **{f'R^2 of the gyro {axis}': one.share for axis, one in moments.items()},
              'rms residual [m/s^2]': found.fit.rms}
     return based(result.Report(

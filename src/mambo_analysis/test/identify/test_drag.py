@@ -1,6 +1,7 @@
 """Drag from simulated flights whose truth is known, sensors with their noise."""
 
 from pathlib import Path
+import re
 
 from interval_checks import assert_covers
 from mambo_analysis.identify import drag
@@ -110,9 +111,15 @@ def test_a_hover_is_refused():
 
 
 @pytest.mark.long
-def test_the_command_reads_a_bag_and_writes_a_vehicle(tmp_path, capsys):
+def test_the_command_reads_a_bag_and_writes_a_vehicle(tmp_path, capsys, monkeypatch):
+    kept, fit = [], drag.fit_drag
+    monkeypatch.setattr(drag, 'fit_drag', lambda *a: kept.append(fit(*a)) or kept[-1])
     assert main([str(BAG), '--out', str(tmp_path)]) == 0
-    assert 'k_c' in capsys.readouterr().out
+    output = capsys.readouterr().out
+    assert 'k_c' in output
+    # the fit is about b3 of the hall, which points down
+    assert re.search(r'motion capture turned about z of map, up \[deg\] +' + re.escape(
+        f'{-np.degrees(kept[0].place.turn):.6g}'), output)
     got = parameters.load(tmp_path / 'identify_drag.yaml')
     assert got.drag_coefficient == pytest.approx(K_C, rel=0.25)  # 8 s, of which 3 on the circle
     assert got.drag_reading == 'per_rotor_thrust'

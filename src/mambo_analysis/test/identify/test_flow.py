@@ -161,6 +161,9 @@ def test_the_report_fits_a_clear_share_and_says_what_the_factor_is_without():
     assert line.endswith(f'without it Q would be {plain.offset.value:.3g} + '
                          f'{plain.slope.value:.2g} h')
     assert f'rotation_leak: {share.value}' in report.files['estimator.yaml']
+    offset = report.facts['offset of the flow x, y, body FLU [rad/s]'].split(', ')
+    # of data in body FRD: (0.01, -0.02)
+    assert [float(number) for number in offset] == pytest.approx([0.01, 0.02], abs=0.003)
     for asked in (False, True):
         report = flow._report(Path('bag'), measured('linear'), asked, flow.SLOWEST)
         assert ('share of the rotation' in report.values) is asked

@@ -1,6 +1,7 @@
 """The lag of the motors from commands and an accelerometer, made here and flown."""
 
 from pathlib import Path
+import re
 
 from interval_checks import assert_covers
 from mambo_analysis.identify import motor
@@ -129,10 +130,15 @@ def test_what_shows_no_lag_is_refused(change, message):
         fit_motor(*change(T, pwm, sensed(pwm, 0.03)), MAMBO)
 
 
-def test_the_command_reads_a_bag_and_writes_a_vehicle(tmp_path, capsys):
+def test_the_command_reads_a_bag_and_writes_a_vehicle(tmp_path, capsys, monkeypatch):
+    kept, fit = [], motor.fit_flight
+    monkeypatch.setattr(motor, 'fit_flight', lambda *a: kept.append(fit(*a)) or kept[-1])
     assert main([str(BAG), '--out', str(tmp_path)]) == 0
     output = capsys.readouterr().out
     assert 'time constant' in output and 'thrust over that of the map' in output
+    # the fit is along b3, which points down
+    assert re.search(r'accelerometer offset z, body FLU \[m/s\^2\] +' + re.escape(
+        f'{-kept[0].offset:.6g}'), output)
     got = parameters.load(tmp_path / 'identify_motor.yaml')
     assert got.motor_time_constant < 0.02  # the bag's vehicle has none, its commands hardly change
     assert (tmp_path / 'identify_motor.png').stat().st_size > 10000

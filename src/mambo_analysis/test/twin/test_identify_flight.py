@@ -8,8 +8,8 @@ from mambo_analysis.identify.base import choose
 from mambo_analysis.identify.regression import IdentifyError, Value
 from mambo_analysis.twin.force import fit_force
 from mambo_analysis.twin.identify_flight import (
-    battery_notes, command_notes, drag_parameters, hover_command, known_lag, Lag, lag_notes, main,
-    moments_of, reading_notes, vehicle_parameters, voltage_notes)
+    _resting, battery_notes, command_notes, drag_parameters, hover_command, known_lag, Lag,
+    lag_notes, main, moments_of, reading_notes, vehicle_parameters, voltage_notes)
 from mambo_analysis.twin.moments import Moment
 from mambo_analysis.twin.recorded import GRAVITY
 from mambo_flight.scenario import scenario
@@ -35,7 +35,20 @@ def test_a_flight_becomes_a_vehicle(tmp_path, capsys):
     assert vehicle.power_b == pytest.approx(1.8, abs=0.02)
     hover = found['values']['hover command']['value']
     assert 4.0 * vehicle.power_a * hover ** vehicle.power_b == pytest.approx(0.03 * GRAVITY)
-    assert 'per mass; thrust and tilt hold at 3.6' in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert 'per mass; thrust and tilt hold at 3.6' in out
+    assert 'note: x, y and z, roll and pitch are of body FLU, the axes of imu/data_raw' in out
+    assert 'accelerometer bias z, body FLU [m/s^2]' in found['facts']
+
+
+def test_the_bias_of_the_gyro_is_that_of_the_recorded_topic():
+    """Which is in body FLU, as the recording is read."""
+    one = flight(0)
+    rates = np.random.default_rng(0).normal([0.01, -0.02, 0.03], 1e-3, one.gyro.shape)
+    found = _resting(one._replace(gyro=rates, rest=slice(0, 200)))
+    for axis, mean in zip('xyz', rates[:200].mean(axis=0)):
+        value = found[f'gyro bias {axis}, body FLU']
+        assert value.value == pytest.approx(mean) and value.unit == 'rad/s'
 
 
 def test_hover_command_at_the_voltage_of_the_flight():

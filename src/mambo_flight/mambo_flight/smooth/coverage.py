@@ -19,7 +19,7 @@ from .. import closed_loop, offline_replay
 from ..accuracy.bound import add_seeds, flight_of, seeds_of
 from ..accuracy.filter_error import evaluate_recording, with_unknowns
 from ..scenario import Scenario
-from .intervals import intervals, middle, Path, path_error, QUANTITIES
+from .intervals import intervals, middle, NAME, Path, path_error, QUANTITIES
 from .smoother import smooth
 
 
@@ -42,7 +42,7 @@ def trial(flight: Scenario) -> Trial | None:
     k, held, errors = middle(s), [], []
     for one in intervals(s):
         i = one.quantity.index
-        true = float(evaluated.made.x[k, i + 1] + evaluated.error[k, i])
+        true = one.quantity.sign * float(evaluated.made.x[k, i + 1] + evaluated.error[k, i])
         held.append(one.low <= true <= one.high)
         errors.append(one.value - true)
     truth = recording.truth[s.moving]
@@ -53,17 +53,17 @@ def trial(flight: Scenario) -> Trial | None:
 def table(trials: list[Trial]) -> str:
     """Return the flights as lines of text."""
     n = len(trials)
-    out = [f'{"":<32}{"held":>6} of {n}{"rms error":>13}']
+    out = [f'{"":<{NAME}}{"held":>6} of {n}{"rms error":>13}']
     for i, quantity in enumerate(QUANTITIES):
         error = math.sqrt(float(np.mean([one.errors[i] ** 2 for one in trials])))
         held = sum(one.held[i] for one in trials)
-        out.append(f'{f"{quantity.name} [{quantity.unit}]":<32}{held:>6}{"":>{4 + len(str(n))}}'
-                   f'{error:>13.4g}')
+        out.append(f'{f"{quantity.name} [{quantity.unit}]":<{NAME}}{held:>6}'
+                   f'{"":>{4 + len(str(n))}}{error:>13.4g}')
     for name in ('filtered', 'smoothed'):
         paths = np.array([getattr(one, name) for one in trials])
         rms, largest, end = np.sqrt((paths**2).mean(axis=0))
-        out.append(f'{f"horizontal path, {name} [m]":<32} rms {rms:.4f}, largest {largest:.4f}, '
-                   f'end {end:.4f}')
+        out.append(f'{f"horizontal path, {name} [m]":<{NAME}} rms {rms:.4f}, '
+                   f'largest {largest:.4f}, end {end:.4f}')
     return '\n'.join(out)
 
 

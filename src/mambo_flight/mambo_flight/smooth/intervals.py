@@ -7,6 +7,7 @@ import math
 from typing import NamedTuple
 
 from mambo_estimation.joint.state import ACCEL_BIAS, DRAG, GYRO_BIAS, LATENCY, SCALE, SLOPE
+from mambo_model.frames import flip_vector
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
@@ -19,22 +20,25 @@ WIDTH = float(norm.ppf(0.5 + 0.5 * LEVEL))  # standard deviations
 
 
 class Quantity(NamedTuple):
-    """A parameter that the filter estimates besides the motion."""
+    """A parameter that the filter estimates besides the motion; vectors are in body FLU."""
 
     name: str
     unit: str
     index: int  # in the error state; plus one in a row of the state
+    sign: float = 1.0  # of the value over that of the state, which is in body FRD
 
 
+AXES = tuple(zip('xyz', flip_vector((1.0, 1.0, 1.0)), strict=True))
 QUANTITIES = (
     Quantity('Q at the reference height', '-', SCALE),
     Quantity('slope dQ/dh', '1/m', SLOPE),
     Quantity('drag along body x', 's/m', DRAG), Quantity('drag along body y', 's/m', DRAG + 1),
     Quantity('latency of the flow', 's', LATENCY),
-    *(Quantity(f'gyro bias {axis}', 'rad/s', GYRO_BIAS + i) for i, axis in enumerate('xyz')),
-    *(Quantity(f'accelerometer bias {axis}', 'm/s^2', ACCEL_BIAS + i)
-      for i, axis in enumerate('xyz')))
-
+    *(Quantity(f'gyro bias {axis}, body FLU', 'rad/s', GYRO_BIAS + i, sign)
+      for i, (axis, sign) in enumerate(AXES)),
+    *(Quantity(f'accelerometer bias {axis}, body FLU', 'm/s^2', ACCEL_BIAS + i, sign)
+      for i, (axis, sign) in enumerate(AXES)))
+NAME = 2 + max(len(f'{one.name} [{one.unit}]') for one in QUANTITIES)  # characters
 
 POSITIVE = (SCALE, DRAG, DRAG + 1, LATENCY)
 """Indices of quantities that cannot be below 0."""
@@ -62,7 +66,7 @@ def intervals(s: Smoothed) -> list[Interval]:
     """Return every quantity with its interval, drifting biases at the middle of the flight."""
     k, out = middle(s), []
     for quantity in QUANTITIES:
-        value = float(s.x[k, quantity.index + 1])
+        value = quantity.sign * float(s.x[k, quantity.index + 1])
         reach = WIDTH * math.sqrt(max(float(s.P[k, quantity.index, quantity.index]), 0.0))
         out.append(Interval(quantity, value, value - reach, value + reach))
     return out
@@ -109,15 +113,15 @@ def table(s: Smoothed, truth: Array | None = None) -> str:
         True positions of its steps, inertial NED; None: unknown.
 
     """
-    out, found = [f'{"":<32}{"value":>11}{"":>4}95 % interval'], intervals(s)
+    out, found = [f'{"":<{NAME}}{"value":>11}{"":>4}95 % interval'], intervals(s)
     for one in found:
         name = f'{one.quantity.name} [{one.quantity.unit}]'
-        out.append(f'{name:<32}{one.value:>11.5g}{"":>4}{one.low:.5g} to {one.high:.5g}')
+        out.append(f'{name:<{NAME}}{one.value:>11.5g}{"":>4}{one.low:.5g} to {one.high:.5g}')
     if truth is not None and np.isfinite(truth[s.moving, 0]).any():
-        out.append(f'{"horizontal path error [m]":<32}{"rms":>11}{"largest":>11}{"end":>11}')
+        out.append(f'{"horizontal path error [m]":<{NAME}}{"rms":>11}{"largest":>11}{"end":>11}')
         for name, rows in (('filter', s.filtered.x), ('smoother', s.x)):
             path = path_error(rows[s.moving], truth[s.moving])
-            out.append(f'  {name:<30}' + ''.join(f' {number:>10.4f}' for number in path))
+            out.append(f'{f"  {name}":<{NAME}}' + ''.join(f' {number:>10.4f}' for number in path))
     if wrong := impossible(found):
         out.append(f'note: {" and ".join(wrong)} cannot be below 0, so no interval holds: check '
                    'axes, signs and clock of accelerometer and optical flow')

@@ -1,7 +1,7 @@
 """What is said of a smoothed flight."""
 
 from hypothesis import given, strategies as st
-from mambo_estimation.joint.state import DRAG, LATENCY, SCALE, SLOPE
+from mambo_estimation.joint.state import ACCEL_BIAS, DRAG, GYRO_BIAS, LATENCY, SCALE, SLOPE
 from mambo_flight.smooth import intervals
 import numpy as np
 import pytest
@@ -14,7 +14,21 @@ def test_an_interval_is_196_deviations_to_both_sides_in_the_middle_of_the_flight
     assert first.value == 1.06
     reach = 1.959964 * np.sqrt(SCALE + 1.0)  # the made-up variance
     assert (first.low, first.high) == pytest.approx((1.06 - reach, 1.06 + reach))
-    assert last.quantity.name == 'accelerometer bias z'
+    assert last.quantity.name == 'accelerometer bias z, body FLU'
+
+
+@pytest.mark.parametrize(('index', 'name', 'unit'), [
+    (GYRO_BIAS, 'gyro bias', 'rad/s'), (ACCEL_BIAS, 'accelerometer bias', 'm/s^2')])
+def test_biases_are_those_of_the_recorded_topic_in_body_flu(index, name, unit):
+    s = made_up()
+    s.x[:, index + 1:index + 4] = 1.0, 2.0, 3.0  # body FRD
+    found = {one.quantity.name: one for one in intervals.intervals(s)}
+    for i, (axis, value) in enumerate(zip('xyz', (1.0, -2.0, -3.0))):
+        one, reach = found[f'{name} {axis}, body FLU'], 1.959964 * np.sqrt(index + i + 1.0)
+        assert one[1:] == pytest.approx((value, value - reach, value + reach))
+        row, = (line for line in intervals.table(s).splitlines()
+                if line.startswith(f'{name} {axis}, body FLU [{unit}] '))
+        assert float(row.split(']')[1].split()[0]) == value
 
 
 def test_path_errors_are_horizontal_and_of_steps_with_truth():
@@ -31,8 +45,9 @@ def test_table_compares_with_the_filter_where_there_is_a_truth():
     alone = intervals.table(made_up())
     assert 'Q at the reference height [-]' in alone and 'path' not in alone
     both = intervals.table(made_up(), np.zeros((N, 3)))
-    assert 'filter                             1.0000     1.0000     1.0000' in both
-    assert 'smoother                           0.5000     0.5000     0.5000' in both
+    *_, filtered, smoothed = (line.split() for line in both.splitlines())
+    assert filtered == ['filter', '1.0000', '1.0000', '1.0000']
+    assert smoothed == ['smoother', '0.5000', '0.5000', '0.5000']
     assert intervals.table(made_up(), np.full((N, 3), np.nan)) == alone
 
 
@@ -62,7 +77,7 @@ def test_intervals_hold_in_95_of_100_and_in_no_more(spread, share):
     rng, truth, held = np.random.default_rng(0), made_up(), 0
     flights, k = 300, intervals.middle(made_up())
     for _ in range(flights):
-        held += sum(one.low <= truth.x[k, one.quantity.index + 1] <= one.high
+        held += sum(one.low <= one.quantity.sign * truth.x[k, one.quantity.index + 1] <= one.high
                     for one in intervals.intervals(drawn(rng, spread)))
     count = flights * len(intervals.QUANTITIES)
     # four standard deviations of a binomial count; one more for the share of 0.9999
