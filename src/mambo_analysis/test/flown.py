@@ -2,8 +2,8 @@
 
 from mambo_analysis.importers.any_table import import_table
 from mambo_analysis.twin.force import ForceModel
-from mambo_analysis.twin.recorded import GRAVITY, Recorded, STEP
-from mambo_analysis.twin.torque import MIX, TorqueModel
+from mambo_analysis.twin.recorded import GRAVITY, MIX, Recorded, STEP
+from mambo_analysis.twin.torque import TorqueModel
 import numpy as np
 import pandas
 from scipy.spatial.transform import Rotation

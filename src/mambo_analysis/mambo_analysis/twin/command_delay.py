@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from ..identify.regression import autoregression
-from .recorded import Recorded, STEP
-from .torque import MIX
+from .recorded import MIX, Recorded, STEP
 
 Floats = NDArray[np.float64]
 

@@ -14,7 +14,8 @@ tell apart. Everything here is per mass: an accelerometer does not know the mass
 from its stamp on, somewhere between two steps of the grid: the lag may be shorter by up to a step
 than the fit says, and its interval reaches down as far.
 
-Propellers shake an accelerometer above 20 Hz; flight and model are compared as means over 50 ms.
+Propellers shake an accelerometer above 20 Hz; flight and model are compared as means over 50 ms,
+without those in which the samples do not show the commands (:mod:`.command_pulses`).
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from scipy import optimize, signal, stats
 
 from ..identify import regression
 from ..identify.regression import Fit, IdentifyError, LEVEL, Value
+from .command_pulses import pulsed, refuse_pulsed
 from .contradictions import refuse_swapped
 from .recorded import bias_doubt, Recorded, STEP
 
@@ -124,6 +126,11 @@ def means(x: Floats) -> Floats:
     return x[:count * BLOCK].reshape(count, BLOCK, -1).mean(axis=1)
 
 
+def _compared(x: Floats, flight: Recorded) -> Floats:
+    """Return means (m, k) of rows in the air (n, k), where the commands of a flight are known."""
+    return means(x)[~means(pulsed(flight)).any(axis=1)]
+
+
 def lag_of(left: float) -> float:
     """Return the time constant, s, of a lag that leaves a share of a deviation after ``STEP``."""
     return -STEP / float(np.log(left)) if left > 0.0 else 0.0
@@ -187,7 +194,8 @@ def _refuse_late_commands(
     def rest(theta: Floats) -> Floats:
         model = _model(np.concatenate([found.theta[:5], theta, [0.0]]), command, voltage)
         return measured[:, 2] - np.concatenate(
-            [means(model.predict(one)[one.air])[:, 2] for one in earlier])
+            [_compared(model.predict(one)[one.air], other)[:, 2]
+             for one, other in zip(earlier, flights)])
     lead = optimize.least_squares(rest, found.theta[5:7], bounds=(LOW[5:7], HIGH[5:7]))
     left = float(np.mean(found.residual[:, 2] ** 2))
     if left > RIVAL * float(np.mean(lead.fun ** 2)):
@@ -213,16 +221,19 @@ def fit_force(*flights: Recorded, blocks: int = BLOCKS) -> Found:
         If they do not determine it.
 
     """
+    for one in flights:
+        refuse_pulsed(one)
     first = flights[0]
     command = float(np.mean(first.command[first.air]))
     known = np.isfinite(first.voltage[first.air])
     voltage = float(np.mean(first.voltage[first.air][known])) if known.any() else float('nan')
-    measured = np.concatenate([means(one.force[one.air]) for one in flights])
+    measured = np.concatenate([_compared(one.force[one.air], one) for one in flights])
     v = np.concatenate([one.body_velocity[one.air] for one in flights])
 
     def predicted(theta: Floats) -> Floats:
         model = _model(theta, command, voltage)
-        return np.concatenate([means(model.predict(one)[one.air]) for one in flights])
+        return np.concatenate(
+            [_compared(model.predict(one)[one.air], one) for one in flights])
     names = ', '.join(one.name for one in flights)
     try:
         found = regression.fit(
@@ -247,7 +258,7 @@ def fit_force(*flights: Recorded, blocks: int = BLOCKS) -> Found:
                for name, end in ends.items() if name not in unseen]
     if not {'drag x', 'drag y'} & unseen:
         refuse_swapped(names, measured[:, :2], np.concatenate(
-            [means(one.body_velocity[one.air]) for one in flights])[:, :2])
+            [_compared(one.body_velocity[one.air], one) for one in flights])[:, :2])
     _refuse_driving(names, values, unseen)
-    t = np.concatenate([means(one.t[one.air][:, None])[:, 0] for one in flights])
+    t = np.concatenate([_compared(one.t[one.air][:, None], one)[:, 0] for one in flights])
     return Found(model, values, hidden, found, measured, t)

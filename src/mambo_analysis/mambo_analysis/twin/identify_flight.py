@@ -30,6 +30,7 @@ from ..identify import result
 from ..identify.base import Base, based, of_bag
 from ..identify.regression import IdentifyError, LEVEL, Value
 from ..importers.checks.powertrain import LEAST_VOLTS
+from .command_pulses import pulse_notes
 from .contradictions import SCALE
 from .force import BLOCKS, fit_force, Found
 from .moments import fit_moments, Moment, REMEDY
@@ -237,7 +238,7 @@ def reading_notes(flight: Recorded) -> list[str]:
         lines.append(f'{flight.name}: the axes of the tracked body are turned by '
                      f'{np.degrees(flight.askew):.0f} deg about z against those of the gyro: '
                      'check how its rigid body was made, as drag and inertia have its error')
-    lines += command_delay.command_notes(flight)
+    lines += command_delay.command_notes(flight) + pulse_notes(flight)
     lines += battery_notes(flight.name, flight.voltage[flight.air], flight.battery_pace)
     if not flight.has_ground:
         lines.append(f'{flight.name}: it begins and ends in the air: all of it is taken as '

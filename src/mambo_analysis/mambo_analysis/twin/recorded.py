@@ -51,6 +51,8 @@ LATE = 0.03            # s: below, poses move no drag by as much as its interval
 LATEST = 0.3           # s: cameras and network take 0.1 s, more is another clock
 WIDEST = 60.0          # s, gap of the inertial samples: a flight has none that is nearly as long
 LONGEST = 7200.0       # s, of a recording: batteries of such vehicles last a quarter of that
+MIX = np.array([[1.0, -1.0, -1.0, 1.0], [-1.0, -1.0, 1.0, 1.0], [1.0, -1.0, 1.0, -1.0]])
+"""Roll, pitch and yaw from thrusts in the order of (3.2), FLU."""
 
 
 class Onboard(NamedTuple):

@@ -34,13 +34,11 @@ from scipy.spatial.transform import Rotation
 
 from ..identify.regression import IdentifyError
 from .force import ForceModel
-from .recorded import GRAVITY, Recorded, STEP
+from .recorded import GRAVITY, MIX, Recorded, STEP
 from .windows import past_mean, starts
 
 Floats = NDArray[np.float64]
 
-MIX = np.array([[1.0, -1.0, -1.0, 1.0], [-1.0, -1.0, 1.0, 1.0], [1.0, -1.0, 1.0, -1.0]])
-"""Roll, pitch and yaw from thrusts in the order of (3.2), FLU."""
 EVERY = 0.2          # s between the windows of a fit
 LEAST = 50           # windows of a fit
 OUTLIER = 0.1        # rad, from which an error counts by its size and not by its square

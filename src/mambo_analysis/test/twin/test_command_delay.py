@@ -5,7 +5,7 @@ import functools
 from flown import answered, flight
 from mambo_analysis.twin import command_delay
 from mambo_analysis.twin.command_delay import command_notes, correlations, delay
-from mambo_analysis.twin.torque import MIX
+from mambo_analysis.twin.recorded import MIX
 import numpy as np
 import pytest
 

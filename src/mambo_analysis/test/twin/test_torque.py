@@ -2,7 +2,8 @@
 
 from flown import flight, SPIN, steered, TRUE
 from mambo_analysis.identify.regression import IdentifyError
-from mambo_analysis.twin.torque import fit_torque, integrate, joined, MIX, prepare, TorqueModel
+from mambo_analysis.twin.recorded import MIX
+from mambo_analysis.twin.torque import fit_torque, integrate, joined, prepare, TorqueModel
 from mambo_model.vehicle.motor_mixer import mix
 from mambo_model.vehicle.parameters import preset
 import numpy as np
