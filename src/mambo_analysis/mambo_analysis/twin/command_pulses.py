@@ -4,8 +4,8 @@ Pulses of the motor commands that samples further apart than the grid do not sho
 Between two samples commands are taken along a straight line. A pulse that lasts shorter than the
 time h between samples, as where a reference has a kink, then counts up to h over its length
 times, or is missed. The motors never did what the line says: the fit of the thrust explains it by
-a longer lag, a larger vertical drag and another exponent, that of the body rates by a larger
-moment of inertia. Pulses are found in the commands alone, so leaving them out favours no result.
+a longer lag, a larger vertical drag and another exponent. Pulses are found in the commands alone,
+so leaving them out favours no result.
 
 A command c that is resolved lies near the cubic through two samples on either side. The distance
 
@@ -82,4 +82,4 @@ def pulse_notes(flight: Recorded) -> list[str]:
         return []
     return [f'{flight.name}: commands change within the {samples_apart(flight) * STEP:.2g} s '
             f'between samples: {out.sum() * STEP:.1f} s of {len(out) * STEP:.1f} s are left out '
-            'of drag, thrust, lag and inertia; record motor_pwm and IMU at 100 Hz']
+            'of drag, thrust and lag; record motor_pwm and IMU at 100 Hz']

@@ -39,7 +39,6 @@ from scipy import signal, stats
 
 from ..identify import regression
 from ..identify.regression import IdentifyError, LEVEL, plus_minus, Value
-from .command_pulses import pulsed
 from .force import BLOCKS, Found, NAMES as FORCE
 from .recorded import MIX, Recorded, STEP
 
@@ -53,8 +52,8 @@ HIGH = (300.0, 90.0, 3.0, 1.0, 500.0)
 START = (40.0, 0.0, 0.8, 0.95, 5.0)
 WIDEST = 0.25             # of the value, half of the interval: wider ones are refused
 SLOW = 1.0                # Hz, below which other torques than those of the motors prevail
-LONGEST_PACE = 0.025      # s between samples: 0.02 s gave no bias in simulations with lags of
-                          # 0.04 and 0.05 s, 0.03 s moments up to 38 % too small
+LONGEST_PACE = 1.5 * STEP  # s between samples: at 50 Hz the moment about a yaw axis that nothing
+                          # turned came out as 0.4 to 0.6 of the true one, six of six outside
 LEAST_SHARE = 0.25        # R^2 of the prediction above SLOW: below, the gyro shows its noise
 REMEDY = 'give --motor-lag S'
 
@@ -126,11 +125,10 @@ def fit_moments(
     if flight.pace > LONGEST_PACE:
         hidden = (f'samples are {flight.pace:.2g} s apart, in which the controller answers a '
                   f'turn: {LONGEST_PACE:g} s at most are needed; record motor_pwm and IMU at '
-                  '50 Hz')
+                  '100 Hz')
         return {axis: Moment(None, 0.0, hidden) for axis in AXES}
     velocity, rate = flight.body_velocity[flight.air][1:], flight.gyro[flight.air][1:]
     still, slope = np.zeros(len(rate)), _slope_error(found)
-    known = ~pulsed(flight)[1:]
 
     def of_lag(motors: float, blocks: int) -> list[Moment]:
         """Return the moments about all axes for a lag in s."""
@@ -139,7 +137,7 @@ def fit_moments(
         # mean over the step that begins at a sample: of commands up to that sample, not after it
         u = 0.5 * (u[:-1] + u[1:])
         return [_moment(u[:, i], still if across is None else velocity[:, across], rate[:, i],
-                        known, arms(vehicle)[i] * vehicle.mass, slope, blocks)
+                        arms(vehicle)[i] * vehicle.mass, slope, blocks)
                 for i, across in enumerate(ACROSS)]
     moments = of_lag(lag, BLOCKS)
     if ends and any(one.value for one in moments):
@@ -196,14 +194,13 @@ def _share(rate: Floats, residual: Floats) -> float:
 
 
 def _moment(
-    u: Floats, v: Floats, rate: Floats, known: NDArray[np.bool_], lever: float, slope: float,
-    blocks: int,
+    u: Floats, v: Floats, rate: Floats, lever: float, slope: float, blocks: int,
 ) -> Moment:
     """
     Return the moment of inertia about one axis.
 
-    ``known`` are the rows to compare, ``lever`` is l m in kg m, ``slope`` the relative half
-    interval of the slope of the thrust map, ``blocks`` as of :func:`.regression.fit`.
+    ``lever`` is l m in kg m, ``slope`` the relative half interval of the slope of the thrust map,
+    ``blocks`` as of :func:`.regression.fit`.
     """
     u, rate, swayed = u - u[0], rate - rate[0], bool(v.any())
     v = v - v[0]
@@ -212,17 +209,17 @@ def _moment(
     def model(theta: Floats) -> Floats:
         whole = np.zeros(len(NAMES))
         whole[free] = theta
-        return predicted(whole, u, v, rate)[known, None]
+        return predicted(whole, u, v, rate)[:, None]
     start, low, high, names = ([x[i] for i in free] for x in (START, LOW, HIGH, NAMES))
     try:
-        fit = regression.fit(model, rate[known, None], start, low, high, names, blocks=blocks)
+        fit = regression.fit(model, rate[:, None], start, low, high, names, blocks=blocks)
     except IdentifyError as error:
         return Moment(None, 0.0, str(error))
     gain = fit.value(0, '1/m')
     for name in regression.at_bound(fit.theta, low, high, names):
         if name in ('gain', 'sway'):  # a memory of 1 and gains of 0 are those of some noise
             return Moment(None, 0.0, f'the fit of its {name} ends at the bound of its range')
-    share = _share(rate[known], fit.residual[:, 0])
+    share = _share(rate, fit.residual[:, 0])
     if share < LEAST_SHARE:
         return Moment(None, share, 'the gyro shows little but its noise: R^2 of its '
                       f'prediction is {share:.2f}, {LEAST_SHARE:g} are needed')

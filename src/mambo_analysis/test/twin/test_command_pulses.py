@@ -1,8 +1,8 @@
 """Pulses between samples are left out of a fit; noise and what samples show are not."""
 
-from flown import flight, SPIN, steered, TRUE
+from flown import flight, steered, TRUE
 from mambo_analysis.identify.regression import IdentifyError
-from mambo_analysis.twin import force, moments
+from mambo_analysis.twin import force
 from mambo_analysis.twin.command_pulses import (
     pulse_notes, pulsed, refuse_pulsed, samples_apart, SETTLE)
 from mambo_analysis.twin.force import fit_force
@@ -86,35 +86,19 @@ def test_pulses_do_not_pass_for_drag_and_lag(monkeypatch):
     assert wrong['motor lag'].value > 0.07
 
 
-def test_pulses_do_not_pass_for_inertia_at_50_hz(monkeypatch):
-    """The same flight without pulses is the measure: its own noise is in both."""
-    monkeypatch.setattr(moments, 'BLOCKS', 0)
-    vehicle, rigid = preset('crazyflie'), SPIN._replace(damping=(0.0, 0.0, 0.0))
-    one = steered(seconds=20.0, shake=8.0, torque=rigid)
-    pulses = thinned(kinked(one, MIX[0], gain=rigid.gain[0]), 2)
-    found = fit_force(one, blocks=0)
-
-    def roll(flown):
-        return fit_moments(flown, found, vehicle, TRUE.lag)['x'].value
-    clean, kept = roll(thinned(one, 2)), roll(pulses)
-    assert abs(kept.value - clean.value) < 0.5 * clean.half  # some of the flight is missing
-    monkeypatch.setattr(moments, 'pulsed', unseen)
-    assert roll(pulses).low > clean.high
-
-
 def test_no_moment_is_given_where_a_controller_answers_between_samples():
-    one = thinned(steered(shake=8.0), 3)
+    one = thinned(steered(shake=8.0), 2)
     found = fit_force(one, blocks=0)
     for moment in fit_moments(one, found, preset('crazyflie'), TRUE.lag).values():
         assert moment.value is None and moment.hidden == (
-            'samples are 0.03 s apart, in which the controller answers a turn: 0.025 s at most '
-            'are needed; record motor_pwm and IMU at 50 Hz')
+            'samples are 0.02 s apart, in which the controller answers a turn: 0.015 s at most '
+            'are needed; record motor_pwm and IMU at 100 Hz')
 
 
 def test_the_note_says_how_much_is_left_out_and_what_to_record():
     line, = pulse_notes(thinned(kinked(flight(noise=0.0))))
     assert line.startswith('flight: commands change within the 0.05 s between samples: ')
-    assert 's of 15.0 s are left out of drag, thrust, lag and inertia' in line
+    assert 's of 15.0 s are left out of drag, thrust and lag' in line
     assert line.endswith('record motor_pwm and IMU at 100 Hz')
     assert not pulse_notes(thinned(flight(noise=0.0)))
 
