@@ -336,3 +336,27 @@ def test_the_climb_joins_the_turn_rates_and_only_the_flight_counts(ranged):
     if ranged:
         _, climb, _, captured = found['climb rate']
         assert climb == pytest.approx(0.5) and captured[100:-100] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(('sigma', 'least', 'most'), [(0.1, 1000.0, None), (30.0, None, 16.0)])
+def test_evidence_for_a_rate_grows_with_what_the_signal_shows(sigma, least, most):
+    rng = np.random.default_rng(4)
+    true = gaussian_filter1d(rng.standard_normal(2000), 5.0, mode='wrap')
+    true /= true.std()
+    seen = np.interp(np.arange(0.0, 1999.0, 1.05), np.arange(2000), true)  # too fast by 5 %
+    grids = [clock_check.Grid(0.0, 0.02, one + sigma * rng.standard_normal(len(one)),
+                              np.ones(len(one), bool)) for one in (true, seen)]
+    found = clock_check._evidence({'a': grids[0]}, {'a': grids[1]}, 1.05)
+    assert (least is None or found > least) and (most is None or found < most)
+    assert clock_check._evidence({'a': grids[0]}, {'a': grids[1]}, 1.0) == 0.0
+
+
+def test_a_signal_is_stretched_and_compared_where_both_are_there():
+    there = np.arange(10) != 4
+    one = clock_check.Grid(0.0, 0.5, np.arange(10.0), there)
+    long = clock_check._stretched(one, 2.0)
+    np.testing.assert_array_equal(long.values, np.arange(0.0, 9.0, 0.5))
+    assert (long.values[~long.there] > 3.4).all() and (long.values[~long.there] < 4.6).all()
+    a, b = clock_check._common(one, one, 3)
+    np.testing.assert_array_equal(a - 3.0, b)
+    assert 4.0 not in a and 4.0 not in b and len(a) == 5
