@@ -68,6 +68,31 @@ def length(way: list[Segment]) -> float:
     return out
 
 
+def straight(
+    start: Array, end: Array, duration: float, p: CommandParams, longer: float = 1.0,
+) -> list[Segment]:
+    """Return the path of one polynomial from one state to another; arguments as :func:`visit`."""
+    return [move(start, end, duration or longer * least_duration(start, end[:, 0], p))]
+
+
+def by_rest(
+    start: Array, end: Array, duration: float, p: CommandParams, longer: float = 1.0,
+    slower: float = 1.0,
+) -> list[Segment]:
+    """
+    Return the path from one state to another that comes to rest first, as by :func:`stop`.
+
+    Without the time for it, or from rest, it is :func:`straight`. Arguments as :func:`visit`;
+    ``slower`` is the factor of the time to rest.
+    """
+    slowing, there = stop(start, p, slower)
+    left = duration - sum(segment.duration for segment in slowing) if duration else (
+        longer * least_duration(at_rest(there), end[:, 0], p))
+    if not slowing or left < SHORTEST:
+        return straight(start, end, duration, p, longer)
+    return [*slowing, move(at_rest(there), end, left)]
+
+
 def visit(
     start: Array, end: Array, duration: float, p: CommandParams, longer: float = 1.0,
 ) -> list[Segment]:
@@ -86,17 +111,12 @@ def visit(
     p
         Limits.
     longer
-        Factor of a duration that is not given.
+        Factor of a duration that is not given; the time to rest stays.
 
     """
-    direct = [move(start, end, duration or longer * least_duration(start, end[:, 0], p))]
-    slowing, there = stop(start, p, 1.0 if duration else longer)
-    left = duration - sum(segment.duration for segment in slowing) if duration else (
-        longer * least_duration(at_rest(there), end[:, 0], p))
-    if not slowing or left < SHORTEST:
-        return direct
-    over = [*slowing, move(at_rest(there), end, left)]
-    points = np.array([start[:3, 0], there[:3], end[:3, 0]])
+    direct = straight(start, end, duration, p, longer)
+    over = by_rest(start, end, duration, p, longer)
+    points = np.array([start[:3, 0], stop(start, p)[1][:3], end[:3, 0]])
     return over if _outside(direct, points) > _outside(over, points) + _SWING else direct
 
 

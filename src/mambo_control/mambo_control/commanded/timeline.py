@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Iterable
+from functools import partial
 import math
 from typing import NamedTuple
 
@@ -31,8 +32,8 @@ from .command_params import CommandParams
 from .demand import STEP
 from .envelope import beyond
 from .maneuvers import (
-    at_rest, extrapolated, fly_on, least_duration, length, move, rest, Segment, SHORTEST, stop,
-    visit)
+    at_rest, by_rest, extrapolated, fly_on, is_resting, least_duration, length, move, rest,
+    Segment, SHORTEST, stop, straight, visit)
 
 LINGERS = 4.0
 """
@@ -285,22 +286,33 @@ def _plan(
     before = [rest(state[:, 0], GROUND, waiting)] if phase == GROUND and waiting > 0.0 else []
     if phase == LANDED:
         state = _on_floor(state)
-    build, tries = _BUILDERS[c.kind](c, state, p)
-    first, longer = '', 1.0
-    for _ in range(tries):
-        way, end = build(longer)
-        longer *= _LONGER
-        reason = beyond(way, end, -state[2, 0], p, vehicle, c.kind in _HOVERS)
-        if not reason:
-            if c.duration or c.kind in _HOVERS:
-                _refuse_blind(way, p)
-            return [*before, *way], end
-        first = first or reason
+    builds, tries = _BUILDERS[c.kind](c, state, p)
+    first = ''
+    for build in builds:
+        longer = 1.0
+        for _ in range(tries):
+            way, end = build(longer)
+            longer *= _LONGER
+            reason = beyond(way, end, -state[2, 0], p, vehicle, c.kind in _HOVERS)
+            if not reason:
+                if c.duration or c.kind in _HOVERS:
+                    _refuse_blind(way, p)
+                return [*before, *way], end
+            first = first or reason
     raise _Beyond(first)
 
 
 _HOVERS = (fc.GO_TO, fc.FOLLOW)
-Builder = tuple[Callable[[float], Way], int]  # by a factor of time; how many factors are tried
+Builder = tuple[list[Callable[[float], Way]], int]
+"""Ways by a factor of time, the first within all limits is flown; how many factors are tried."""
+_APPROACHES = (
+    visit, *(partial(by_rest, slower=_LONGER ** k) for k in range(3)), straight)
+"""Ways to a state: a stop that exceeds a limit takes longer; the last is for no room to stop."""
+
+
+def _approaches(state: Array) -> Iterable[Callable[..., list[Segment]]]:
+    """Return the ways to try from a state; all are the same from rest."""
+    return (straight,) if is_resting(state) else _APPROACHES
 
 
 def _tries(c: FlightCommand) -> int:
@@ -314,7 +326,7 @@ def _takeoff(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
     goal = state[:, 0].copy()
     goal[2] = -c.height
     duration = c.duration or max(2.0 * SHORTEST, least_duration(state, goal, p))
-    return lambda longer: ([move(state, at_rest(goal), longer * duration, TAKEOFF)], goal), (
+    return [lambda longer: ([move(state, at_rest(goal), longer * duration, TAKEOFF)], goal)], (
         _tries(c))
 
 
@@ -340,7 +352,7 @@ def _land(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
         slowing, above = stop(state, p, longer)
         way, down = _descent(above, c.height, c.duration, p, longer)
         return slowing + way, down
-    return build, _tries(c)
+    return [build], _tries(c)
 
 
 def _descent(
@@ -358,7 +370,8 @@ def _go_to(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
     here = state[:, 0]
     goal = np.array([*c.position, c.yaw]) + (here if c.relative else 0.0)
     goal[3] = here[3] + math.remainder(goal[3] - here[3], 2.0 * math.pi)
-    return lambda longer: (visit(state, at_rest(goal), c.duration, p, longer), goal), _tries(c)
+    return [lambda longer, way=way: (way(state, at_rest(goal), c.duration, p, longer), goal)
+            for way in _approaches(state)], _tries(c)
 
 
 def _follow(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
@@ -385,12 +398,12 @@ def _follow(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
     near = np.allclose(state[:, :4], first[:, :4], rtol=0.0, atol=_JOINED)
     first, last = settled(first), settled(last)
 
-    def build(longer: float) -> Way:
+    def build(longer: float, approach: Callable[..., list[Segment]]) -> Way:
         """Return the way to the course, the course, and the way to rest."""
-        way = [] if near else visit(state, first, c.duration, p, longer)
+        way = [] if near else approach(state, first, c.duration, p, longer)
         slowing, end = stop(last, p, longer)
         return way + own + slowing, end
-    return build, _tries(c)
+    return [partial(build, approach=approach) for approach in _approaches(state)], _tries(c)
 
 
 def _stop(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
@@ -402,12 +415,12 @@ def _stop(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
         goal = np.array([*end[:2], -p.lowest, end[3]])
         duration = max(2.0 * SHORTEST, least_duration(state, goal, p))
         return [move(state, at_rest(goal), longer * duration, TAKEOFF)], goal
-    return build, _TRIES
+    return [build], _TRIES
 
 
 def _velocity(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
     velocity = np.array([*c.velocity, c.yaw_rate])
-    return lambda longer: fly_on(state, velocity, c.duration, p, longer), _STREAM_TRIES
+    return [lambda longer: fly_on(state, velocity, c.duration, p, longer)], _STREAM_TRIES
 
 
 def _setpoint(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
@@ -425,7 +438,7 @@ def _setpoint(c: FlightCommand, state: Array, p: CommandParams) -> Builder:
         way, down = _descent(above, 0.0, 0.0, p, 1.0)
         hover = [rest(above, TRACK, p.setpoint_landing)] if p.setpoint_landing else []
         return [move(state, there, ahead), *slowing, *hover, *way], down
-    return build, _STREAM_TRIES
+    return [build], _STREAM_TRIES
 
 
 _BUILDERS = {fc.TAKEOFF: _takeoff, fc.LAND: _land, fc.GO_TO: _go_to, fc.FOLLOW: _follow,

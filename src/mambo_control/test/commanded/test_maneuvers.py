@@ -98,7 +98,7 @@ def test_a_visit_with_much_time_does_not_overshoot(goal, duration, pieces):
 def test_a_visit_as_fast_as_allowed_leaves_its_way_no_more_than_a_stop(goal, longer):
     end = mv.at_rest(np.array(goal))
     way = mv.visit(MOVING, end, 0.0, P, longer)
-    (slowing,), there = mv.stop(MOVING, P, longer)
+    (slowing,), there = mv.stop(MOVING, P)  # no longer way to rest, however long the rest takes
     np.testing.assert_allclose(end_of(way[-1]), end, atol=1e-9)
     assert [one.duration for one in way] == pytest.approx([
         slowing.duration, longer * mv.least_duration(mv.at_rest(there), end[:, 0], P)])
@@ -115,3 +115,13 @@ def test_a_visit_that_leaves_its_way_little_is_one_polynomial():
         assert len(mv.visit(MOVING, goal, 0.0, P)) == 1
     goal = ahead
     assert len(mv.visit(mv.at_rest(MOVING[:, 0]), goal, 0.0, P)) == 1
+
+
+def test_a_way_by_rest_may_take_its_time_to_stop_and_a_straight_one_does_not_stop():
+    end = mv.at_rest(np.array([-3.0, 2.0, -1.5, 0.2]))
+    fast, slow = (mv.by_rest(MOVING, end, 0.0, P, 1.4, slower) for slower in (1.0, 2.0))
+    assert slow[0].duration == pytest.approx(2.0 * fast[0].duration)
+    (straight,) = mv.straight(MOVING, end, 0.0, P, 1.4)
+    assert straight.duration == pytest.approx(1.4 * mv.least_duration(MOVING, end[:, 0], P))
+    (straight,) = mv.by_rest(mv.at_rest(MOVING[:, 0]), end, 0.0, P)
+    assert straight.duration == pytest.approx(mv.least_duration(MOVING, end[:, 0], P))

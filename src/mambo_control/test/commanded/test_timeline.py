@@ -422,3 +422,27 @@ def test_a_stop_comes_to_rest_by_the_shorter_of_two_ways(at, end):
                  FlightCommand(round(at * S), fc.STOP))
     x = [tl.state_of(line, t)[0][0, 0] for t in np.arange(6.0, 12.0, 0.01)]
     assert x[-1] == pytest.approx(end, abs=0.01) and max(x) < end + 0.01
+
+
+@pytest.mark.parametrize('seconds', np.arange(4.2, 7.0, 0.4).tolist())
+@pytest.mark.parametrize('goal', [(-2.0, 0.0, -1.2), (0.0, 0.0, -1.2), (-1.0, 2.0, -2.0)])
+def test_a_vehicle_that_is_called_back_goes_little_farther_than_by_a_stop(seconds, goal):
+    away = flown(UP, FlightCommand(4 * S, fc.GO_TO, position=(2.0, 0.0, -1.2)))
+    t = round(seconds * S)
+
+    def farthest(command):
+        after, reason = tl.step(away, command, P, V)
+        assert not reason
+        return max(tl.state_of(after, at)[0][0, 0]
+                   for at in np.arange(seconds, after.until, 0.02))
+    assert farthest(FlightCommand(t, fc.GO_TO, position=goal)) < 0.7 + farthest(
+        FlightCommand(t, fc.STOP))
+
+
+def test_where_there_is_no_room_to_stop_one_polynomial_is_flown():
+    near = flown(UP, FlightCommand(4 * S, fc.GO_TO, position=(5.0, -3.0, -2.0)))
+    after, reason = tl.step(near, FlightCommand(
+        12_550_000_000, fc.GO_TO, position=(5.0, 3.0, -2.0)), P, V)
+    assert not reason
+    times = np.arange(12.55, after.until, 0.02)
+    assert max(tl.state_of(after, t)[0][0, 0] for t in times) < 5.0 + 1e-9
