@@ -126,9 +126,9 @@ def means(x: Floats) -> Floats:
     return x[:count * BLOCK].reshape(count, BLOCK, -1).mean(axis=1)
 
 
-def _compared(x: Floats, flight: Recorded) -> Floats:
-    """Return means (m, k) of rows in the air (n, k), where the commands of a flight are known."""
-    return means(x)[~means(pulsed(flight)).any(axis=1)]
+def _known(flight: Recorded) -> NDArray[np.bool_]:
+    """Return at which means over the rows in the air, (m,), the samples show the commands."""
+    return ~means(pulsed(flight)).any(axis=1)
 
 
 def lag_of(left: float) -> float:
@@ -183,8 +183,8 @@ def _refuse_driving(names: str, values: dict[str, Value], unseen: set[str]) -> N
 
 
 def _refuse_late_commands(
-    names: str, found: Fit, measured: Floats, flights: Sequence[Recorded], command: float,
-    voltage: float,
+    names: str, found: Fit, measured: Floats, flights: Sequence[Recorded],
+    known: Sequence[NDArray[np.bool_]], command: float, voltage: float,
 ) -> None:
     """Refuse commands that are stamped after what they do: without a lag a lead fits better."""
     if lag_of(min(float(found.theta[-1]), HIGH[-1])) > STEP:
@@ -194,8 +194,7 @@ def _refuse_late_commands(
     def rest(theta: Floats) -> Floats:
         model = _model(np.concatenate([found.theta[:5], theta, [0.0]]), command, voltage)
         return measured[:, 2] - np.concatenate(
-            [_compared(model.predict(one)[one.air], other)[:, 2]
-             for one, other in zip(earlier, flights)])
+            [means(model.predict(one)[one.air])[at, 2] for one, at in zip(earlier, known)])
     lead = optimize.least_squares(rest, found.theta[5:7], bounds=(LOW[5:7], HIGH[5:7]))
     left = float(np.mean(found.residual[:, 2] ** 2))
     if left > RIVAL * float(np.mean(lead.fun ** 2)):
@@ -225,22 +224,23 @@ def fit_force(*flights: Recorded, blocks: int = BLOCKS) -> Found:
         refuse_pulsed(one)
     first = flights[0]
     command = float(np.mean(first.command[first.air]))
-    known = np.isfinite(first.voltage[first.air])
-    voltage = float(np.mean(first.voltage[first.air][known])) if known.any() else float('nan')
-    measured = np.concatenate([_compared(one.force[one.air], one) for one in flights])
+    there = np.isfinite(first.voltage[first.air])
+    voltage = float(np.mean(first.voltage[first.air][there])) if there.any() else float('nan')
+    known = [_known(one) for one in flights]
+    measured = np.concatenate([means(one.force[one.air])[at] for one, at in zip(flights, known)])
     v = np.concatenate([one.body_velocity[one.air] for one in flights])
 
     def predicted(theta: Floats) -> Floats:
         model = _model(theta, command, voltage)
         return np.concatenate(
-            [_compared(model.predict(one)[one.air], one) for one in flights])
+            [means(model.predict(one)[one.air])[at] for one, at in zip(flights, known)])
     names = ', '.join(one.name for one in flights)
     try:
         found = regression.fit(
             predicted, measured, START, LOW, HIGH, NAMES, blocks=blocks)
     except IdentifyError as error:
         raise IdentifyError(f'{names}: {error}') from None
-    _refuse_late_commands(names, found, measured, flights, command, voltage)
+    _refuse_late_commands(names, found, measured, flights, known, command, voltage)
     found = _with_doubt(found, flights)
     model = _model(found.theta, command, voltage)
     units = ('1/s', '1/s', '1/s', 'm/s^2', 'm/s^2', 'm/s^2', '1')
@@ -258,7 +258,7 @@ def fit_force(*flights: Recorded, blocks: int = BLOCKS) -> Found:
                for name, end in ends.items() if name not in unseen]
     if not {'drag x', 'drag y'} & unseen:
         refuse_swapped(names, measured[:, :2], np.concatenate(
-            [_compared(one.body_velocity[one.air], one) for one in flights])[:, :2])
+            [means(one.body_velocity[one.air])[at] for one, at in zip(flights, known)])[:, :2])
     _refuse_driving(names, values, unseen)
-    t = np.concatenate([_compared(one.t[one.air][:, None], one)[:, 0] for one in flights])
+    t = np.concatenate([means(one.t[one.air][:, None])[at, 0] for one, at in zip(flights, known)])
     return Found(model, values, hidden, found, measured, t)

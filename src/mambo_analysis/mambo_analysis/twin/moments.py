@@ -122,7 +122,7 @@ def fit_moments(
         By axis, FLU.
 
     """
-    if flight.pace > LONGEST_PACE * (1.0 + 1e-6):  # of exactly so long ones, too
+    if flight.pace > LONGEST_PACE * (1.0 + 1e-6):  # times are rounded
         hidden = (f'samples are {flight.pace:.2g} s apart, in which the controller answers a '
                   f'turn: {LONGEST_PACE:g} s at most are needed; record motor_pwm and IMU at '
                   '100 Hz')
