@@ -306,7 +306,7 @@ _HOVERS = (fc.GO_TO, fc.FOLLOW)
 Builder = tuple[list[Callable[[float], Way]], int]
 """Ways by a factor of time, the first within all limits is flown; how many factors are tried."""
 _APPROACHES = (
-    visit, *(partial(by_rest, slower=_LONGER ** k) for k in range(3)), straight)
+    visit, *(partial(by_rest, slower=k) for k in (1.0, _LONGER, _LONGER * _LONGER)), straight)
 """Ways to a state: a stop that exceeds a limit takes longer; the last is for no room to stop."""
 
 
