@@ -8,7 +8,8 @@ from mambo_bags.reader import Bag, BagError, Messages
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from . import outliers, resample
+from . import resample
+from .poses import outliers
 from .resample import Bools, Floats, Ints
 
 TRUTH = ('ground_truth/odom', 'optitrack/pose')
@@ -39,7 +40,7 @@ class Motion:
     velocity : (n, 3) m/s, inertial
         None if the topic does not hold it.
     impossible
-        Number of impossible poses that were rejected, see :mod:`mambo_signals.outliers`.
+        Number of impossible poses that were rejected, see :mod:`mambo_signals.poses.outliers`.
     frame
         Name of the frame of the poses in the messages, of the first one.
     frames
@@ -140,7 +141,8 @@ def read(bag: Bag, topic: str) -> Motion:
     Return the motion that a topic holds.
 
     Samples without a finite position are left out. Of samples with equal stamps only the first
-    is used. Impossible poses of a motion capture are rejected (:mod:`mambo_signals.outliers`).
+    is used. Impossible poses of a motion capture are rejected
+    (:mod:`mambo_signals.poses.outliers`).
 
     Raises
     ------

@@ -8,9 +8,10 @@ import math
 from typing import Any, NamedTuple
 
 from mambo_bags.reader import Bag, BagError
-from mambo_signals import clock_check, metrics, motion, outliers, resample, time_offset
+from mambo_signals import clock_check, metrics, motion, resample, time_offset
 from mambo_signals.flight_phases import Phases
 from mambo_signals.motion import Motion
+from mambo_signals.poses import outliers
 from mambo_signals.resample import Floats, Ints
 import numpy as np
 

@@ -23,8 +23,9 @@ from mambo_flight.closed_loop import Recording
 from mambo_model import palette
 from mambo_model.frames import body_quaternion, flip_vector
 from mambo_model.yaml_nodes import dump
-from mambo_signals import motion, outliers
+from mambo_signals import motion
 from mambo_signals.derivative import body_rates, local_fit
+from mambo_signals.poses import outliers
 from mambo_signals.resample import columns_at
 from matplotlib.figure import Figure
 import numpy as np

@@ -7,10 +7,10 @@ their possible names. Headers, values and log times are copied; messages are wri
 definitions installed here, fields that the source lacks are 0. A pose can be taken from
 PoseStamped, PoseWithCovarianceStamped, TransformStamped or Odometry. Poses with a value that is
 not finite or an orientation of length 0, as trackers give for a lost body, are left out and
-counted; so are poses that no vehicle can reach (:mod:`mambo_signals.outliers`), and frozen ones
-(:mod:`mambo_signals.frozen`). A velocity in the axes of the poses is turned into those of the body
-(:mod:`.checks.world_twist`). A topic of several bodies or frames, and values that cannot be in the
-units of their type, are refused; topics that contradict each other are told
+counted; so are poses that no vehicle can reach (:mod:`mambo_signals.poses.outliers`), and frozen
+ones (:mod:`mambo_signals.poses.frozen`). A velocity in the axes of the poses is turned into those
+of the body (:mod:`.checks.world_twist`). A topic of several bodies or frames, and values that
+cannot be in the units of their type, are refused; topics that contradict each other are told
 (:mod:`.checks.bag_doubts`).
 
 Times
@@ -40,7 +40,7 @@ from mambo_bags.reader import Messages, read_bag, read_listing
 from mambo_bags.writer import BagWriter
 from mambo_model.errors import InputError
 from mambo_ros import cdr
-from mambo_signals import frozen, outliers
+from mambo_signals.poses import frozen, outliers
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore

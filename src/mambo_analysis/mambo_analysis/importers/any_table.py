@@ -9,8 +9,8 @@ for a log of PX4.
 Stamps count from the first row. A row without all values of a topic gives no message on it, and is
 counted; likewise a row that repeats the time of the one before, one that the logger marks as not
 valid, and one with a quaternion of zeros, which loggers write while there is no attitude.
-Impossible poses are left out (:mod:`mambo_signals.outliers`), and ends that were extrapolated
-(:mod:`.checks.extrapolated`). Topics that contradict each other are told
+Impossible poses are left out (:mod:`mambo_signals.poses.outliers`), and ends that were
+extrapolated (:mod:`.checks.extrapolated`). Topics that contradict each other are told
 (:mod:`.checks.bag_doubts`), unused columns are printed.
 """
 
@@ -24,7 +24,7 @@ from typing import Any
 from mambo_bags.command import guard, nearest, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
-from mambo_signals import frozen, outliers
+from mambo_signals.poses import frozen, outliers
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation

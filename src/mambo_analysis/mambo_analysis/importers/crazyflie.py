@@ -52,7 +52,7 @@ Motion capture
     within the flight; above 50 ms the motion capture is refused. ``--mocap-offset gyro`` takes
     the gyro instead, as does a log without a usable range. Signals that give different clocks
     (:func:`mambo_signals.time_offset.most_precise`) are refused. NaN is marker loss: no pose; nor
-    is there one where the tracker flips the body (:mod:`mambo_signals.outliers`).
+    is there one where the tracker flips the body (:mod:`mambo_signals.poses.outliers`).
 
 Contradictions
     A gyro that turns as the drone's own attitude says, but five times as much or more, or less, or
@@ -78,8 +78,9 @@ from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
-from mambo_signals import clock_check, frozen, gyro_check, height_check, outliers
+from mambo_signals import clock_check, gyro_check, height_check
 from mambo_signals.derivative import body_rates
+from mambo_signals.poses import frozen, outliers
 from mambo_signals.resample import interpolate
 from mambo_signals.time_offset import (
     AlignError, most_precise, Offset, offsets, RANGE_LATE, refuse_uncertain, time_offset,

@@ -7,7 +7,7 @@ column belongs to (and its parent, from 1.25), then Rotation or Position, then t
 without a name of its own (marker error, time code) is skipped. The columns of one rigid body
 become ``optitrack/pose``; where its markers were lost the cells are empty, and there is no pose;
 likewise where the quaternion is of zeros. Frozen and impossible poses are left out
-(:mod:`mambo_signals.frozen`, :mod:`mambo_signals.outliers`). All are counted.
+(:mod:`mambo_signals.poses.frozen`, :mod:`mambo_signals.poses.outliers`). All are counted.
 
 Axes
     The file does not say which axis is up. Motive's own is y, with x to the right and z towards
@@ -41,8 +41,8 @@ from mambo_bags.cli.option_types import real
 from mambo_bags.command import guard, Parser
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
-from mambo_signals import frozen, outliers
 from mambo_signals.motion import Motion
+from mambo_signals.poses import frozen, outliers
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation

@@ -24,7 +24,7 @@ from mambo_bags.command import guard, Parser, write_json
 from mambo_bags.mcap_reader import BagError
 from mambo_model import palette
 from mambo_model.errors import JobError
-from mambo_signals import outliers
+from mambo_signals.poses import outliers
 from matplotlib.figure import Figure
 import numpy as np
 

@@ -2,9 +2,9 @@
 Which poses of a motion capture have the right assignment of the markers: :func:`sort_poses`.
 
 A tracker that takes symmetric markers for each other turns some poses of the body, by 180 degrees
-as a rule. :mod:`mambo_signals.outliers` sorts the poses by their assignment. Most poses may be the
-wrong ones: where a gyro or another attitude turns as the poses of a smaller group, that is taken,
-else the largest. :func:`describe` says what was found.
+as a rule. :mod:`mambo_signals.poses.outliers` sorts the poses by their assignment. Most poses may
+be the wrong ones: where a gyro or another attitude turns as the poses of a smaller group, that is
+taken, else the largest. :func:`describe` says what was found.
 """
 
 from __future__ import annotations
@@ -13,14 +13,17 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from mambo_signals.derivative import body_rates
-from mambo_signals.gyro_check import compare, OTHER, WINDOW
-from mambo_signals.outliers import SAME_TURN, sort, Sorted
-from mambo_signals.resample import Bools, Floats, Ints, runs
+from mambo_signals.gyro_check import compare, OTHER, TURNING, WINDOW
+from mambo_signals.poses.gap_jumps import Angle
+from mambo_signals.poses.outliers import SAME_TURN, sort, Sorted
+from mambo_signals.resample import Bools, Floats, interpolate, Ints, runs
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 SHARE = 0.1  # of the poses that a group has at least; single errors are fewer
+TOLD = 3     # gaps that are named
 LONG = 2.0   # s of rejected poses on end that are told with their times
+STEP = 0.005  # s, of the integral of a gyro
 LATE = 0.1   # s between a sensor and the attitude; more is told as another clock
 
 
@@ -46,12 +49,12 @@ def sort_poses(
     Parameters
     ----------
     times, position, orientation
-        As of :func:`mambo_signals.outliers.sort`.
+        As of :func:`mambo_signals.poses.outliers.sort`.
     beside
         Sensors on the same clock, the most trusted first.
 
     """
-    found = sort(times, position, orientation)
+    found = sort(times, position, orientation, _angle(beside))
     groups = _groups(found) if beside else []
     turns = Rotation.from_quat(orientation)
     for one in beside:
@@ -69,6 +72,26 @@ def sort_poses(
         if decided:
             return found._replace(right=right, by=one.name)
     return found
+
+
+def _angle(beside: Sequence[Turning]) -> Angle | None:
+    """Return the turn between two times by the first sensor that knows it; None without one."""
+    live = [one for one in beside if len(one.times) and one.rates.std(axis=0).max() > TURNING]
+
+    def angle(begin: float, end: float) -> float:
+        """Return the angle of the turn, rad; NaN: not known."""
+        at = np.linspace(begin, end, 2 + int((end - begin) / STEP))
+        for one in live:
+            near = slice(max(np.searchsorted(one.times, begin) - 1, 0),
+                         np.searchsorted(one.times, end) + 1)
+            rates = interpolate(0.5 * (at[1:] + at[:-1]), one.times[near], one.rates[near], LATE)
+            if np.isfinite(rates).all():
+                turn = Rotation.identity()
+                for part in Rotation.from_rotvec(rates * (at[1] - at[0])):
+                    turn = turn * part
+                return float(turn.magnitude())
+        return np.nan
+    return angle if live else None
 
 
 def _agreement(
@@ -141,7 +164,19 @@ def describe(name: str, times: Floats, found: Sorted) -> list[str]:
                 f'Those kept turn as {found.by} does' if found.by else
                 'The larger group is kept, and the other may be the right one: compare them with '
                 'how the vehicle stood, and place the markers without symmetry'))
-    return out + _long(name, times, found, groups)
+    return out + _long(name, times, found, groups) + _doubtful(name, times, found)
+
+
+def _doubtful(name: str, times: Floats, found: Sorted) -> list[str]:
+    """Return a line on gaps behind which the tracker may have flipped the body."""
+    after = found.doubtful
+    if not len(after):
+        return []
+    where = ', '.join(f'{times[k - 1]:.2f} to {times[k]:.2f} s' for k in after[:TOLD])
+    more = f' and {len(after) - TOLD} more' if len(after) > TOLD else ''
+    return [f'{name}: the body turns or moves farther in a gap of the poses than its speed before '
+            f'and after tells, from t = {where}{more}. A maneuver, or the tracker found it with '
+            'other markers: all are kept; compare the yaw on both sides']
 
 
 def _long(name: str, times: Floats, found: Sorted, groups: list[int]) -> list[str]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mambo_bags.mcap_reader import BagError
-from mambo_signals import frozen, outliers
 from mambo_signals.gyro_check import differs
 from mambo_signals.height_check import LEAST_CHANGE, LEAST_ROWS
 from mambo_signals.motion import Motion
-from mambo_signals.outliers import FASTEST_TURN
+from mambo_signals.poses import frozen, outliers
+from mambo_signals.poses.outliers import FASTEST_TURN
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation

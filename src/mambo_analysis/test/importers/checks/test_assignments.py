@@ -94,3 +94,35 @@ def test_poses_elsewhere_for_long_are_told_with_their_times():
         assert assignments.describe('pose', T, found) == [
             f'pose: all poses from t = {begin:.2f} to {end - 0.01:.2f} s are among them: {words}']
     assert assignments.describe('pose', T, sort_poses(T, PATH, ATTITUDE.as_quat(), [])) == []
+
+
+@pytest.mark.parametrize('gap', [0.2, 1.0])
+@pytest.mark.parametrize('end', [9.0, 12.0])
+def test_a_sensor_tells_a_flip_behind_a_gap(gap, end):
+    wrong, q = flipped([(5.0, end)])
+    there = (T < 5.0) | (T >= 5.0 + gap)
+    poses = T[there], PATH[there], q[there]
+    found = sort_poses(*poses, [gyro()])
+    np.testing.assert_array_equal(found.wrong, wrong[there])
+    dead = Turning('the gyro', T, 0.001 * np.ones((len(T), 3)))
+    without = sort_poses(*poses, [dead])
+    assert without.wrong.any() == (end == 9.0)
+    if end == 12.0:
+        assert assignments.describe('pose', poses[0], without) == [
+            'pose: the body turns or moves farther in a gap of the poses than its speed before '
+            f'and after tells, from t = 4.99 to {5.0 + gap:.2f} s. A maneuver, or the tracker '
+            'found it with other markers: all are kept; compare the yaw on both sides']
+
+
+def test_a_maneuver_in_a_gap_that_a_sensor_shows_is_none():
+    yaw = 0.5 * np.pi * (1.0 + np.tanh(8.0 * (T - 5.3)))  # half a turn in half a second
+    turned = Rotation.from_euler('z', yaw[:, None])
+    there = (T < 5.05) | (T >= 5.55)
+    poses = T[there], PATH[there], turned[there].as_quat()
+    t, rates = body_rates(T, turned.as_quat())
+    assert len(sort_poses(*poses, []).doubtful) == 1
+    found = sort_poses(*poses, [Turning('the gyro', t, rates)])
+    assert not found.wrong.any() and not len(found.doubtful)
+    for k in (0, 1):  # one that ends before the gap, and one that begins after it, know nothing
+        half = (t < 5.2) if k else (t > 5.4)
+        assert len(sort_poses(*poses, [Turning('the gyro', t[half], rates[half])]).doubtful) == 1

@@ -13,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ..resample import Bools, Floats, Ints, runs
 from .outliers import step_sizes
-from .resample import Bools, Floats, Ints, runs
 
 LEAST_POSES = 3   # that are equal; two are a frame that was sent twice
 BESIDE = 10       # steps before and after a run that tell the usual one

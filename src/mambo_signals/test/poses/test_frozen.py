@@ -1,6 +1,6 @@
 """Poses that a tracker repeats while the body is lost are found; those of a body at rest stay."""
 
-from mambo_signals import frozen, outliers
+from mambo_signals.poses import frozen, outliers
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

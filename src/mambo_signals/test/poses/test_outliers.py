@@ -1,8 +1,8 @@
 """Poses that no vehicle can have are found, and only those."""
 
 from mambo_bags.reader import BagError, read_bag
-from mambo_signals import outliers
 from mambo_signals.motion import read
+from mambo_signals.poses import outliers
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -8,6 +8,9 @@ between jumps are therefore grouped by the sum of the jumps before them. Segment
 have the same assignment, and the assignment of most poses is taken for the correct one. That is no
 proof: importers ask the other sensors first (``mambo_analysis.importers.checks.assignments``).
 
+Over a gap a vehicle may turn and move farther; what is beyond its motion there is found by
+:mod:`.gap_jumps`, and counts if another sensor shows it or if the poses jump back.
+
 Some drivers give one fixed position, such as 0 0 0, while they do not see the body. It does not
 move with the body, so it is left out before the jumps are added up.
 """
@@ -20,7 +23,9 @@ from mambo_bags.mcap_reader import BagError
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from .resample import Bools, Floats, Ints, runs
+from . import gap_jumps
+from ..resample import Bools, Floats, Ints, runs
+from .gap_jumps import Angle
 
 FASTEST_TURN = 35.0  # rad/s, 2000 deg/s: the full scale of the gyros of small drones
 FASTEST = 30.0       # m/s
@@ -86,6 +91,8 @@ class Sorted(NamedTuple):
         The assignment that is taken for the correct one.
     by
         Name of the sensor that shows it; empty: it is that of most poses.
+    doubtful : (m,)
+        Numbers of the poses that may begin another assignment after a gap; they count as none.
 
     """
 
@@ -93,6 +100,7 @@ class Sorted(NamedTuple):
     turns: Floats
     right: int
     by: str = ''
+    doubtful: Ints = np.zeros(0, np.int64)
 
     @property
     def wrong(self) -> Bools:
@@ -117,7 +125,9 @@ def impossible(times: Floats, position: Floats, orientation: Floats) -> Bools:
     return sort(times, position, orientation).wrong
 
 
-def sort(times: Floats, position: Floats, orientation: Floats) -> Sorted:
+def sort(
+    times: Floats, position: Floats, orientation: Floats, angle: Angle | None = None,
+) -> Sorted:
     """
     Return the poses sorted by the assignment of their markers; that of most counts as correct.
 
@@ -127,6 +137,8 @@ def sort(times: Floats, position: Floats, orientation: Floats) -> Sorted:
     position : (n, 3) m
     orientation : (n, 4)
         Unit quaternions x y z w, body to inertial, finite.
+    angle
+        How far the body turns between two times by another sensor.
 
     """
     turns = Rotation.from_quat(orientation)
@@ -134,57 +146,121 @@ def sort(times: Floats, position: Floats, orientation: Floats) -> Sorted:
     labels = np.where(seen, 0, -1)
     if seen.sum() < 3:
         return Sorted(labels, np.array([[0.0, 0.0, 0.0, 1.0]]), 0)
-    begins = _jumps(times[seen], position[seen], turns[seen])
-    labels[seen], rough = _assignments(position[seen], turns[seen], begins)
+    jumps, doubtful = _all_jumps(times[seen], position[seen], turns[seen], angle)
+    chosen, rough = _assignments(jumps)
+    counts = jumps.sure | assignment_returns(chosen)
+    if not counts.all():
+        doubtful = np.sort(np.append(doubtful, jumps.begins[~counts]))
+        jumps = Jumps(*(part[counts] for part in jumps))
+        chosen, rough = _assignments(jumps)
+    lengths = np.diff(np.concatenate([[0], jumps.begins, [seen.sum()]])).astype(int)
+    labels[seen] = np.repeat(chosen, lengths)
     right = int(np.argmax(np.bincount(labels[labels >= 0], minlength=1)))
-    return Sorted(labels, _turns(turns[seen], labels[seen], begins, rough, right), right)
+    return Sorted(labels, _turns(jumps, labels[seen], rough, right), right,
+                  doubtful=np.flatnonzero(seen)[doubtful])
 
 
-def _assignments(position: Floats, turns: Rotation, begins: Ints) -> tuple[Ints, Floats]:
+class Jumps(NamedTuple):
     """
-    Return the assignment of each pose, (n,), and the turns from the first to each, (k, 4).
+    Places where another assignment may begin.
 
-    A new one may begin at the poses ``begins``; -1 is one more than ``MAX_ASSIGNMENTS``.
+    Attributes
+    ----------
+    begins : (k,)
+        Numbers of the poses.
+    turns : (k, 4), shifts : (k, 3) m
+        From the pose before, without the motion of the vehicle in a gap.
+    alike : (k, 2)
+        Tolerances for one assignment, rad and m.
+    sure : (k,)
+        False: only if the poses jump back later.
+
     """
-    lengths = np.diff(np.concatenate([[0], begins, [len(position)]])).astype(int)
-    steps, moves = turns[begins - 1].inv() * turns[begins], position[begins] - position[begins - 1]
+
+    begins: Ints
+    turns: Floats
+    shifts: Floats
+    alike: Floats
+    sure: Bools
+
+
+def _all_jumps(
+    times: Floats, position: Floats, turns: Rotation, angle: Angle | None,
+) -> tuple[Jumps, Ints]:
+    """Return the jumps of n poses, and the poses behind a gap that may be one."""
+    gaps = gap_jumps.steps(times, position, turns, angle)
+    faster = np.zeros(len(times) - 1, bool)
+    faster[_jumps(times, position, turns) - 1] = True
+    before = np.flatnonzero(faster | gaps.sure | gaps.suspected)
+    plain, dt = faster[before, None], np.diff(times)[before]
+    over = np.column_stack([np.full(len(dt), gap_jumps.SAME_TURN), gap_jumps.largest_shift(dt)])
+    step = (turns[before].inv() * turns[before + 1]).as_quat().reshape(-1, 4)
+    return Jumps(
+        before + 1, np.where(plain, step, gaps.turns[before]),
+        np.where(plain, position[before + 1] - position[before], gaps.shifts[before]),
+        np.where(plain, [SAME_TURN, SAME_SHIFT], over),
+        (faster | gaps.sure)[before]), np.flatnonzero(gaps.doubtful & ~faster) + 1
+
+
+def _assignments(jumps: Jumps) -> tuple[Ints, Floats]:
+    """
+    Return the assignment of each part between jumps, and the turns from the first, (k, 4).
+
+    -1 is one more than ``MAX_ASSIGNMENTS``.
+    """
+    begins, moves = jumps.begins, jumps.shifts
+    steps = Rotation.from_quat(jumps.turns) if len(begins) else Rotation.identity()
     rotations, shifts = np.zeros((MAX_ASSIGNMENTS, 4)), np.zeros((MAX_ASSIGNMENTS, 3))
+    known = np.zeros((MAX_ASSIGNMENTS, 2))  # tolerance of the turn and shift of each, rad and m
     turn, shift, count = Rotation.identity(), np.zeros(3), 1
     rotations[0], chosen = turn.as_quat(), [0]
     for k in range(len(begins)):
         turn, shift = turn * steps[k], shift + moves[k]
-        q = turn.as_quat()
-        same = (np.abs(rotations[:count] @ q) > np.cos(0.5 * SAME_TURN)) & (
-            np.linalg.norm(shifts[:count] - shift, axis=1) < SAME_SHIFT)
+        q, alike = turn.as_quat(), np.maximum(
+            known[:count], np.maximum(known[chosen[-1]], jumps.alike[k]))
+        same = (np.abs(rotations[:count] @ q) > np.cos(0.5 * alike[:, 0])) & (
+            np.linalg.norm(shifts[:count] - shift, axis=1) < alike[:, 1])
         assignment = int(np.argmax(same)) if same.any() else count
         if assignment == MAX_ASSIGNMENTS:
             chosen.append(-1)
             continue
         if assignment == count:
             rotations[assignment], shifts[assignment], count = q, shift, count + 1
+            known[assignment] = np.maximum(known[chosen[-1]], jumps.alike[k])
         else:  # reset, so that true motion during the jumps does not accumulate
             turn, shift = Rotation.from_quat(rotations[assignment]), shifts[assignment].copy()
         chosen.append(assignment)
-    return np.repeat(np.array(chosen), lengths), rotations[:count]
+    return np.array(chosen), rotations[:count]
 
 
-def _turns(
-    turns: Rotation, labels: Ints, begins: Ints, rough: Floats, largest: int,
-) -> Floats:
+def assignment_returns(chosen: Ints) -> Bools:
+    """
+    Return whether the assignment before a jump comes again, or that after it came before.
+
+    Of the assignments (k + 1,) of the parts between k jumps.
+    """
+    k = np.arange(len(chosen))
+    first = np.full(MAX_ASSIGNMENTS + 1, len(chosen))
+    last = np.zeros(MAX_ASSIGNMENTS + 1, np.int64)
+    np.minimum.at(first, chosen, k)
+    np.maximum.at(last, chosen, k)
+    return (last[chosen[:-1]] > k[1:]) | (first[chosen[1:]] < k[:-1])
+
+
+def _turns(jumps: Jumps, labels: Ints, rough: Floats, largest: int) -> Floats:
     """
     Return the turns from the body of the largest group to that of each assignment, (k, 4).
 
     A mean over all jumps between both, which true rotation during a jump makes wrong by little;
     without one the sum of jumps, (k, 4) from the first assignment.
     """
-    steps = turns[begins - 1].inv() * turns[begins]
-    before, after = labels[begins - 1], labels[begins]
+    before, after = labels[jumps.begins - 1], labels[jumps.begins]
     out = (Rotation.from_quat(rough[largest]).inv() * Rotation.from_quat(rough)).as_quat()
     for label in set(labels.tolist()) - {largest, -1}:
         there = (before == largest) & (after == label)
         back = (before == label) & (after == largest)
         if there.any() or back.any():
-            both = np.concatenate([steps[there].as_quat(), steps[back].inv().as_quat()])
+            both = np.concatenate([jumps.turns[there], jumps.turns[back] * [-1, -1, -1, 1]])
             out[label] = Rotation.from_quat(both).mean().as_quat()
     return out
 

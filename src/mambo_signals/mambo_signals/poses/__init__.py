@@ -1,0 +1,1 @@
+"""Poses of a motion capture that are no poses of the body."""

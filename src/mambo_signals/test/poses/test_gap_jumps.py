@@ -1,0 +1,161 @@
+"""A tracker that finds the body with other markers after a gap is found out, a maneuver is not."""
+
+from mambo_signals import motion
+from mambo_signals.poses import gap_jumps, outliers
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from synthetic import FLIP, loop, make_capture, rocking
+
+T = np.arange(0.0, 15.0, 0.01)
+GAPS = [0.13, 0.3, 0.45]
+
+
+def lost(*gaps, step=1):
+    """Return which poses are there: not those from t for dt, in s, and only each of some."""
+    there = np.arange(len(T)) % step == 0
+    for t, dt in gaps:
+        there &= ~((T >= t - 1e-6) & (T < t + dt - 1e-6))
+    return there
+
+
+def flown(there, begin, end, turn=FLIP, rate=0.0):
+    """Return the poses of a flight with yaw, turned between two times, and which are."""
+    turns = Rotation.from_euler('z', rate * T[:, None]) * rocking(T)
+    wrong = (T >= begin) & (T < end)
+    q = turns.as_quat()
+    q[wrong] = (turns[wrong] * turn).as_quat()
+    return (T[there], loop(T)[0][there], q[there]), wrong[there]
+
+
+@pytest.mark.parametrize('step, gap', [(1, 0.13), (1, 0.45), (10, 0.13), (10, 0.28)])
+@pytest.mark.parametrize('at', [(4.0, 7.0), (4.0,), (7.0,)])
+@pytest.mark.parametrize('rate', [0.0, 3.0, -3.0])
+def test_poses_flipped_behind_a_gap_are_found_if_they_turn_back(step, gap, at, rate):
+    poses, wrong = flown(lost(*((t, gap) for t in at), step=step), 4.0, 7.0, rate=rate)
+    found = outliers.sort(*poses)
+    np.testing.assert_array_equal(found.wrong, wrong)
+    assert not len(found.doubtful)
+
+
+@pytest.mark.parametrize('gap', [*GAPS, 1.5, 4.5])
+def test_a_flip_that_does_not_turn_back_is_told_and_all_poses_are_kept(gap):
+    poses, _ = flown(lost((4.0, gap)), 4.0, 15.0)
+    found = outliers.sort(*poses)
+    assert not found.wrong.any()
+    assert poses[0][found.doubtful] == pytest.approx([4.0 + gap])
+
+
+@pytest.mark.parametrize('gap', [*GAPS, 1.0])
+def test_another_sensor_tells_a_flip_from_a_maneuver(gap):
+    poses, wrong = flown(lost((4.0, gap)), 4.0, 15.0)
+    for turned, flipped in ((0.1, True), (3.0, False)):
+        found = outliers.sort(*poses, angle=lambda begin, end, turned=turned: turned)
+        wrong_one = found.wrong if flipped else np.zeros(len(wrong), bool)
+        np.testing.assert_array_equal(found.wrong, wrong_one)
+        assert (set(map(tuple, zip(found.labels, wrong, strict=True)))
+                == ({(0, False), (1, True)} if flipped else {(0, False), (0, True)}))
+        assert not len(found.doubtful)
+    asked = []
+    outliers.sort(*poses, angle=lambda *times: asked.append(times) or np.nan)
+    np.testing.assert_allclose(asked, [(3.99, 4.0 + gap)])
+
+
+@pytest.mark.parametrize('gap', [0.13, 0.3, 0.5, 1.0, 3.0])
+@pytest.mark.parametrize('speed', [1.0, 3.0])
+def test_a_flight_that_goes_on_in_its_gaps_has_no_jump(gap, speed):
+    """At 3 m/s with tilts of 20 degrees, 0.13 to 3 s of poses lost four times."""
+    there = lost(*((t, gap) for t in (2.0, 5.0, 8.0, 11.0)))
+    found = outliers.sort(T[there], loop(T)[0][there] * speed, rocking(T)[there].as_quat())
+    assert not found.wrong.any() and not len(found.doubtful)
+
+
+def test_a_fast_turn_at_a_steady_rate_is_no_jump():
+    """Of 1400 deg/s: half a turn in a gap of 0.13 s."""
+    there = lost((4.0, 0.12), (7.0, 0.12))
+    turns = Rotation.from_euler('z', 25.0 * T[:, None])
+    found = outliers.sort(T[there], loop(T)[0][there], turns[there].as_quat())
+    assert not found.wrong.any() and not len(found.doubtful)
+
+
+@pytest.mark.parametrize('away, found', [(0.5, False), (1.5, True)])
+def test_a_body_found_elsewhere_behind_a_gap_is_left_out_until_it_is_back(away, found):
+    there = lost((4.0, 0.2), (7.0, 0.2))
+    poses, wrong = flown(there, 4.0, 7.0, Rotation.identity())
+    elsewhere = poses[1] + away * wrong[:, None] * [0.0, 1.0, 0.0]
+    assert elsewhere[wrong].shape == (280, 3) and away < outliers.FASTEST * 0.2
+    np.testing.assert_array_equal(
+        outliers.impossible(poses[0], elsewhere, poses[2]), wrong & found)
+
+
+def test_the_steps_show_what_is_beyond_the_motion():
+    there = lost((4.0, 0.3))
+    (t, position, q), _ = flown(there, 4.0, 15.0, rate=2.0)
+    steps = gap_jumps.steps(t, position, Rotation.from_quat(q))
+    k = int(np.argmax(np.diff(t)))
+    assert steps.suspected.nonzero()[0].tolist() == [k]
+    assert (Rotation.from_quat(steps.turns[k]) * FLIP.inv()).magnitude() < 0.2
+    assert np.linalg.norm(steps.shifts[k]) < 0.1 < np.linalg.norm(position[k + 1] - position[k])
+    assert gap_jumps.largest_shift(np.array([0.3])) == pytest.approx(0.5 + 10.0 * 0.09)
+
+
+def test_in_a_long_gap_the_vehicle_may_have_turned_and_turned_back_later():
+    poses, _ = flown(lost((4.0, 1.0), (7.0, 1.0)), 4.0, 7.0)
+    found = outliers.sort(*poses)
+    assert not found.wrong.any()
+    assert poses[0][found.doubtful] == pytest.approx([5.0, 8.0])
+
+
+@pytest.mark.long
+def test_gaps_without_number_are_sorted_in_bounded_time():
+    """20,000 steps of 0.1 s, each a suspected jump; a sensor is asked for some of them."""
+    count, asked = 20_000, []
+    rng = np.random.default_rng(0)
+    found = outliers.sort(
+        0.1 * np.arange(count), rng.normal(size=(count, 3)),
+        Rotation.random(count, rng=0).as_quat(),
+        lambda *times: asked.append(times) or 0.0)
+    assert 500 < len(asked) <= gap_jumps.MANY and len(found.labels) == count
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_many_gaps_of_which_some_flip_the_body_are_told_apart(seed):
+    """Ten gaps of 0.12 to 0.4 s; behind some the body is seen turned, until the next one."""
+    rng = np.random.default_rng(seed)
+    begins = 0.5 + 1.4 * np.arange(10)
+    gaps = rng.uniform(0.12, 0.4, 10).round(2)
+    there, wrong = lost(*zip(begins, gaps, strict=True)), np.zeros(len(T), bool)
+    kinds = (FLIP, Rotation.from_euler('z', 180, degrees=True),
+             Rotation.from_euler('z', 90, degrees=True))
+    q, turns = rocking(T).as_quat(), rocking(T)
+    for k in rng.choice([1, 3, 5, 7], 3, replace=False):
+        part = (begins[k] <= T) & (begins[k + 1] > T)
+        q[part] = (turns[part] * kinds[rng.integers(3)]).as_quat()
+        wrong |= part
+    found = outliers.sort(T[there], loop(T)[0][there], q[there])
+    np.testing.assert_array_equal(found.wrong, wrong[there])
+    assert not len(found.doubtful)
+
+
+@pytest.mark.parametrize('begin, end', [(0.01, 15.0), (14.8, 14.99), (0.0, 0.3)])
+def test_gaps_beside_the_ends_have_speeds_on_one_side(begin, end):
+    """One pose, or none, stands on the other side of the gap."""
+    there = (T < begin) | (T >= end)
+    poses = T[there], loop(T)[0][there], rocking(T)[there].as_quat()
+    found = outliers.sort(*poses)
+    assert not found.wrong.any() and not len(found.doubtful)
+
+
+def test_a_motion_of_a_bag_lacks_the_poses_flipped_behind_a_gap(tmp_path):
+    bag = make_capture(tmp_path / 'b', set(range(420, 700)), (3.995, 4.195))
+    found = motion.read(bag, 'optitrack/pose')
+    assert found.impossible == 280 and len(found.stamps) == 1500 - 20 - 280
+    assert Rotation.from_quat(found.quaternion).as_matrix()[:, 2, 2].min() > 0.9
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_an_assignment_returns_where_it_stands_again(seed):
+    chosen = np.random.default_rng(seed).integers(-1, 6, 1 + seed)
+    every = chosen.tolist()
+    assert outliers.assignment_returns(chosen).tolist() == [
+        every[k] in every[k + 2:] or every[k + 1] in every[:k] for k in range(seed)]
