@@ -9,6 +9,9 @@ same weights. In the 83 takes of NanoBench that tilt by ``LEAST`` or more both h
 of 0.86 to 0.99, the accelerations are 0.80 to 1.03 times the tilts, and the best agreement is at
 delays of -0.10 to 0 s. Along any horizontal direction the correlation is 0.95 or more; an attitude
 whose numbers are in another order tilts rightly along one direction, and not across it.
+
+An attitude on its side or upside down contradicts a flight by itself, as the thrust does not carry
+the vehicle then. This is judged by the poses, at any rate; the rest needs 5 s of flight, of 6.6 s.
 """
 
 from __future__ import annotations
@@ -26,6 +29,8 @@ GAP = 0.15      # s, over which poses are connected: of 10 Hz too, if their time
 LOWEST = 0.1    # m above the floor, at which the vehicle flies
 FASTEST = 15.0  # m/s^2; more is a jump
 STEEPEST = 0.3  # cosine of the largest tilt that counts
+ON_SIDE = 0.8   # s, steeper than that; without lift a vehicle falls 3.1 m; a flip is shorter
+HELD = 1.0      # s, that a pose counts for at most: until the next one at 1 Hz, too
 LEAST = 0.4     # m/s^2, RMS of g times the tilt
 LEAST_ROWS = 250  # 5 s of flight
 DELAYS = range(-30, 31)  # steps
@@ -42,11 +47,35 @@ DRAG = np.linspace(0.0, 0.7, 8)  # 1/s; 0.25 to 0.54 of the vehicles known here
 RATIO = (0.65, 1.2)  # accelerations over tilts: the least of all, the largest explained by tilts
 
 
-def _signals(one: Motion) -> tuple[Floats, Floats, Floats, Floats] | None:
-    """
-    Return acceleration, g times tilt and velocity over time, and the cosine of the tilt.
+def _lowest(one: Motion) -> float:
+    """Return the height from which the vehicle flies, m; -inf: all of it is in the air."""
+    low, high = np.percentile(one.position[:, 2], (1.0, 95.0))
+    return float(low) + LOWEST if high - low > 2.0 * LOWEST else -np.inf
 
-    The first three are x + iy, (n,) complex m/s^2, m/s. NaN where they are not known: in gaps of
+
+def _on_side(one: Motion) -> float:
+    """
+    Return which share of its time in the air the attitude is on its side; 0: too short.
+
+    The floor counts for the length alone: a cut of a slow descent looks like a landing.
+    """
+    known = np.isfinite(one.quaternion).all(axis=1)
+    if known.sum() < 2:
+        return 0.0
+    steps = np.minimum(np.diff(one.t[known]), HELD)
+    held = 0.5 * (np.append(0.0, steps) + np.append(steps, 0.0))
+    steep = Rotation.from_quat(one.quaternion[known]).as_matrix()[:, 2, 2] <= STEEPEST
+    if held[steep].sum() < ON_SIDE:
+        return 0.0
+    held[one.position[known, 2] < _lowest(one)] = 0.0
+    return float(held[steep].sum() / max(held.sum(), STEP))
+
+
+def _signals(one: Motion) -> tuple[Floats, Floats, Floats] | None:
+    """
+    Return acceleration, g times tilt and velocity over time.
+
+    They are x + iy, (n,) complex m/s^2, m/s. NaN where they are not known: in gaps of
     the poses, on the floor, and the tilt at cosines below ``STEEPEST``. None if the recording is
     too short.
     """
@@ -59,16 +88,14 @@ def _signals(one: Motion) -> tuple[Floats, Floats, Floats, Floats] | None:
     cosine = up[:, 2]
     tilt = up[:, :2] / np.where(cosine > STEEPEST, cosine, np.nan)[:, None] @ (1.0, 1.0j)
     position = interpolate(grid, one.t, one.position, GAP)
-    low, high = np.percentile(one.position[:, 2], (1.0, 95.0))
-    if high - low > 2.0 * LOWEST:  # otherwise all of it is in the air
-        position[position[:, 2] < low + LOWEST] = np.nan
+    position[position[:, 2] < _lowest(one)] = np.nan
     path = position[:, :2] @ (1.0, 1.0j)
     force = (path[2 * HALF:] - 2.0 * path[HALF:-HALF] + path[:-2 * HALF]) / (HALF * STEP)**2
     force[~(np.abs(force) < FASTEST)] = np.nan
     velocity = (path[2 * HALF:] - path[:-2 * HALF]) / (2 * HALF * STEP)
     weights = np.convolve(np.ones(HALF), np.ones(HALF)) / HALF**2
     tilt = GRAVITY * np.convolve(tilt, weights, 'same')
-    return force, tilt[HALF:-HALF], velocity, cosine[HALF:-HALF]
+    return force, tilt[HALF:-HALF], velocity
 
 
 def _correlation(force: Floats, tilt: Floats) -> complex:
@@ -123,14 +150,12 @@ def describe(one: Motion) -> str:
         Tracked poses of a flight, z up.
 
     """
+    if (steep := _on_side(one)) > 0.5:
+        return (f'its attitude is on its side or upside down in {100.0 * steep:.0f} % of the '
+                'flight: check its axes and the order of the quaternion (x y z w)')
     signals = _signals(one)
     if signals is None:
         return ''
-    *signals, cosine = signals
-    cosine = cosine[np.isfinite(signals[0]) & np.isfinite(cosine)]  # in the air, where known
-    if len(cosine) >= LEAST_ROWS and (steep := (cosine <= STEEPEST).mean()) > 0.5:
-        return (f'its attitude is on its side or upside down in {100.0 * steep:.0f} % of the '
-                'flight: check its axes and the order of the quaternion (x y z w)')
     pairs = {delay: _pair(*signals, delay) for delay in DELAYS}
     force, tilt, velocity = pairs[0]
     if min(len(pair[0]) for pair in pairs.values()) < LEAST_ROWS:

@@ -53,7 +53,7 @@ def test_a_flight_is_as_its_tilts_say():
     assert tilts.describe(flight()) == ''
 
 
-@pytest.mark.parametrize('rate', [20.0, 10.0, 9.0, 8.0, 5.0])
+@pytest.mark.parametrize('rate', [20.0, 10.0, 9.0, 8.0, 5.0, 1.0])
 @pytest.mark.parametrize('jitter', [0.0, 0.003])
 def test_a_flight_of_few_poses_is_not_on_its_side(rate, jitter):
     """Steps of 10 Hz are 0.1 s, some a rounding error longer, or later by milliseconds."""
@@ -61,9 +61,42 @@ def test_a_flight_of_few_poses_is_not_on_its_side(rate, jitter):
     late = np.random.default_rng(1).uniform(-jitter, jitter, len(one.stamps))
     one = dataclasses.replace(one, stamps=one.stamps + np.rint(late * 1e9).astype(int))
     assert tilts.describe(one) == ''
-    if rate > 5.0:  # at 5 Hz the tilt between poses is not known
-        swapped = dataclasses.replace(one, quaternion=one.quaternion[:, [3, 0, 1, 2]])
-        assert 'upside down in 100 % of the flight' in tilts.describe(swapped)
+    swapped = dataclasses.replace(one, quaternion=one.quaternion[:, [3, 0, 1, 2]])
+    assert 'upside down in 100 % of the flight' in tilts.describe(swapped)
+
+
+def turned(one, angle, where=True):
+    """Return a flight that is rolled by an angle in deg as well, where it is said."""
+    roll = Rotation.from_euler('x', np.where(where, angle, 0.0)[..., None], degrees=True)
+    return dataclasses.replace(
+        one, quaternion=(Rotation.from_quat(one.quaternion) * roll).as_quat())
+
+
+@pytest.mark.parametrize('angle', [178.0, 90.0])
+@pytest.mark.parametrize('rate', [500.0, 100.0, 10.0, 5.0, 2.0, 1.0])
+@pytest.mark.parametrize('length', [2.0, 3.0, 5.0])
+def test_a_short_flight_on_its_side_is_told_at_any_rate(length, rate, angle):
+    one = flight(rate=rate, length=length + 0.5 / rate)
+    one.position[:, 2] = 1.0 - 0.15 * one.t  # a slow descent is no landing
+    assert tilts.describe(one) == ''
+    assert 'on its side or upside down' in tilts.describe(turned(one, angle))
+
+
+def test_a_flip_and_a_vehicle_that_lies_on_its_back_are_no_flight_on_its_side():
+    one = flight(length=3.0)
+    assert tilts.describe(turned(one, 180.0, one.t < 0.6)) == ''
+    assert tilts.describe(turned(flight(length=0.7), 180.0)) == ''
+    fallen = one.t > 1.2  # 0.5 s on the floor, 0.7 s in the air, then on the floor again
+    one.position[fallen, 2] = 0.0
+    assert tilts.describe(turned(one, 180.0, fallen)) == ''
+
+
+def test_a_pose_before_a_gap_does_not_count_for_the_gap():
+    one = flight(length=20.0)
+    keep = (one.t < 4.0) | (one.t > 18.0)
+    one = dataclasses.replace(one, stamps=one.stamps[keep], position=one.position[keep],
+                              quaternion=one.quaternion[keep])
+    assert tilts.describe(turned(one, 180.0, np.abs(one.t - 4.0) < 0.3)) == ''
 
 
 def test_an_attitude_that_is_hardly_known_is_not_on_its_side():
