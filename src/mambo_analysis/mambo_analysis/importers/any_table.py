@@ -7,10 +7,11 @@ name: ``nanobench`` for the data set of that name (a Crazyflie 2.1 under Vicon, 
 for a log of PX4.
 
 Stamps count from the first row. A row without all values of a topic gives no message on it, and is
-counted; likewise a row that repeats the time of the one before, one that the logger marks as not
-valid, and one with a quaternion of zeros, which loggers write while there is no attitude.
-Impossible poses are left out (:mod:`mambo_signals.poses.outliers`), and ends that were
-extrapolated (:mod:`.checks.extrapolated`). Topics that contradict each other are told
+counted; likewise a row that repeats the time of the one before or is out of order
+(:mod:`.checks.stray_times`), one that the logger marks as not valid, and one with a quaternion of
+zeros, which loggers write while there is no attitude. Impossible poses are left out
+(:mod:`mambo_signals.poses.outliers`), and ends that were extrapolated
+(:mod:`.checks.extrapolated`). Topics that contradict each other are told
 (:mod:`.checks.bag_doubts`), unused columns are printed.
 """
 
@@ -29,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from .checks import assignments, bag_doubts, extrapolated, plausible
+from .checks import assignments, bag_doubts, extrapolated, plausible, stray_times
 from .common import (
     importer_parser, LONGEST, NAMESPACE, new_samples, ONLY_CHANGES, provenance, Publisher,
     read_source, report, stamps_ns, unused)
@@ -39,6 +40,7 @@ from .table_file import row_name
 from .table_map import Map, Quantity, read_map, Topic
 
 Floats = NDArray[np.float64]
+Strays = dict[str, NDArray[np.bool_]]  # {column of times: rows that are out of order}
 MAPS = Path(__file__).parent / 'maps'
 _UPRIGHT = Rotation.from_euler('x', 90.0, degrees=True)
 _OVER = Rotation.from_euler('x', 180.0, degrees=True)
@@ -55,8 +57,6 @@ TYPES = {
     'motor_pwm': 'mambo_interfaces/msg/MotorPwm', 'battery': 'sensor_msgs/msg/BatteryState'}
 MOTIONS = ('optitrack/pose', 'onboard/odom', 'imu/data_raw')
 """Topics whose pace tells whether the unit of time is right."""
-REPEATED = 0.01
-"""Most rows that may repeat the time before [-]; of more, it is the clock of other rows."""
 LOOSE_NORM = 0.1       # [-] how far from 1 the norm of a quaternion may be
 RANGE_LIMITS = (0.0, 10.0)  # [m] of a range finder that is not known
 FULL_QUALITY = 255
@@ -78,34 +78,53 @@ def find_map(word: str) -> Path:
     return Path(word)
 
 
-def _seconds(path: Path, table: dict[str, Floats], mapping: Map) -> dict[str, Floats]:
-    """Return the times of each topic, (n,) s from the first row; BagError if they do not rise."""
-    def times(clock: Any) -> Floats:
-        """Return the column of a clock as it is in the file."""
-        values = table[clock.column]
+def _stray(path: Path, table: dict[str, Floats], mapping: Map) -> tuple[Strays, list[str]]:
+    """Return the rows of each clock that are out of order, (n,), and lines; BagError: no clock."""
+    out, notes = {}, []
+    used = {topic.clock.column for topic in mapping.topics.values()}
+
+    def place(row: int) -> str:
+        """Return where a row is in the file."""
+        return row_name(path, row, mapping.delimiter)
+    for column in mapping.clocks():
+        values = table[column]
+        if not len(values):
+            raise BagError(f'{path}: no rows')
         if not np.isfinite(values).all():
             row = int(np.flatnonzero(~np.isfinite(values))[0])
-            raise BagError(f'{path}: {row_name(path, row, mapping.delimiter)}: no time in column '
-                           f'{clock.column}')
-        return values
-    first = times(mapping.clock)
-    if not len(first):
-        raise BagError(f'{path}: no rows')
-    zero, out = first[0] * mapping.clock.factor, {}
+            raise BagError(f'{path}: {place(row)}: no time in column {column}: write it there, or '
+                           'remove the row')
+        if column not in used:  # it gives the first time alone
+            out[column] = np.zeros(len(values), bool)
+            continue
+        out[column], lines = stray_times.stray_rows(path, column, values, place)
+        notes += lines
+        kept = np.flatnonzero(~out[column])
+        again = kept[1:][np.diff(values[kept]) == 0.0]
+        if stray_times.too_many(len(again), len(kept)):
+            raise BagError(
+                f'{path}: {place(int(again[0]))}: the time in column {column} does not increase '
+                f'({values[again[0]]:.15g}), and {len(again)} of {len(values)} rows repeat the '
+                'one before: write times with more digits, or give each topic the column of its '
+                'own times')
+    return out, notes
+
+
+def _seconds(
+    path: Path, table: dict[str, Floats], mapping: Map, stray: Strays,
+) -> dict[str, Floats]:
+    """Return the times of each topic, (n,) s from the first row; those out of order are 0."""
+    def start(column: str) -> float:
+        """Return the first time of a clock."""
+        return float(table[column][~stray[column]][0])
+    first, out = start(mapping.clock.column), {}
     for name, topic in mapping.topics.items():
         clock = topic.clock
         # the difference first, in the unit of the file: it is exact for counts of ns
-        start = first[0] if clock.factor == mapping.clock.factor else zero / clock.factor
-        out[name] = (times(clock) - start) * clock.factor + clock.offset
-        step = np.diff(out[name])
-        back = np.flatnonzero(step < 0.0)
-        again = np.flatnonzero(step == 0.0)
-        if not len(back) and len(again) > max(1.0, REPEATED * len(step)):
-            back = again
-        if len(back):
-            where = row_name(path, int(back[0]) + 1, mapping.delimiter)
-            raise BagError(f'{path}: {where}: the time in column {clock.column} does not increase '
-                           f'({times(clock)[back[0] + 1]:.15g})')
+        begin = first if clock.factor == mapping.clock.factor else (
+            first * mapping.clock.factor / clock.factor)
+        times = np.where(stray[clock.column], begin, table[clock.column])
+        out[name] = (times - begin) * clock.factor + clock.offset
         if not np.abs(out[name]).max() < LONGEST:
             raise BagError(f'{path}: column {clock.column} spans more than {LONGEST:g} s: its '
                            'unit is not as the mapping says')
@@ -152,8 +171,8 @@ class _Rows:
 
     def __init__(self, path: Path, table: dict[str, Floats], mapping: Map) -> None:
         self.path, self.table, self.mapping = path, table, mapping
-        self.times = _seconds(path, table, mapping)
-        self.notes: list[str] = []
+        self.stray, self.notes = _stray(path, table, mapping)
+        self.times = _seconds(path, table, mapping, self.stray)
 
     def publish(self, name: str, out: Publisher) -> None:
         """Write the messages of a topic from the rows."""
@@ -164,7 +183,9 @@ class _Rows:
         if not usable.all():
             columns = [column for one in topic.quantities.values() for column in one.columns]
             self._lacking(name, topic, columns, ~np.isfinite(values))
-        again = np.append(False, np.diff(self.times[name]) == 0.0)
+        stray = self.stray[topic.clock.column]
+        again = ~(stray | self._rising(name))
+        usable &= ~stray
         none = usable & (np.linalg.norm(found['quaternion'], axis=1) == 0.0) if (
             'quaternion' in found) else np.zeros(len(usable), bool)
         marked = {name: np.nan_to_num(self.table[name]) == 0.0 for name in topic.valid}
@@ -182,8 +203,9 @@ class _Rows:
                                   self.times[name][usable])
         if topic.only_changes:
             new = np.zeros(len(usable), bool)
-            new[new_samples(values)] = True
-            new[:1] = True
+            ordered = np.flatnonzero(~stray)
+            new[ordered[new_samples(values[ordered])]] = True
+            new[ordered[:1]] = True
             usable &= new
         before = usable & (self.times[name] < 0.0)
         if before.any():
@@ -198,6 +220,12 @@ class _Rows:
         for row in np.flatnonzero(usable).tolist():
             out.publish(name, stamps[row], frame, **fields(row))
 
+    def _rising(self, name: str) -> NDArray[np.bool_]:
+        """Return the rows of a topic, (n,), whose time is in order and after that before it."""
+        out = ~self.stray[self.mapping.topics[name].clock.column]
+        out[out] = np.diff(self.times[name][out], prepend=-np.inf) > 0.0
+        return out
+
     def _found(self, name: str) -> dict[str, Floats]:
         """Return the quantities of a topic, (n, k) each, in SI units."""
         return {key: _vectors(self.table, one)
@@ -211,7 +239,7 @@ class _Rows:
             if name in self.mapping.topics:
                 t = self.times[name]
                 values = np.concatenate(list(self._found(name).values()), axis=1)
-                good = np.isfinite(values).all(axis=1) & (np.diff(t, prepend=-np.inf) > 0.0)
+                good = np.isfinite(values).all(axis=1) & self._rising(name)
                 last = extrapolated.begin(t[good], values[good])
                 ends.append(np.inf if last is None else float(t[good][last]))
         return min(ends)
@@ -272,7 +300,7 @@ class _Rows:
             if {'angular_velocity', 'quaternion', 'euler'}.isdisjoint(found):
                 continue
             good = np.isfinite(np.concatenate(list(found.values()), axis=1)).all(axis=1)
-            good &= np.diff(self.times[name], prepend=-np.inf) > 0.0
+            good &= self._rising(name)
             if 'quaternion' in found:
                 good &= np.linalg.norm(found['quaternion'], axis=1) > 0.0
             times = self.times[name][good]
@@ -398,10 +426,11 @@ def import_table(
     table, others, damage = read_columns(file, wanted)
     rows = _Rows(source, table, wanted)
     changes = ', '.join(name for name, topic in wanted.topics.items() if topic.only_changes)
+    clock = wanted.clock.column
     record = provenance(source.name, file.sha256, 'import_table', 'table', {
         **({ONLY_CHANGES: changes} if changes else {}),
         'mapping': mapping.name, 'mapping_sha256': read_source(mapping).sha256,
-        'time_zero': repr(float(table[wanted.clock.column][0])),
+        'time_zero': repr(float(table[clock][~rows.stray[clock]][0])),
         'ignored': ', '.join(others) or 'nothing'})
     with BagWriter(target, metadata=record) as writer:
         out = Publisher(writer, {name: TYPES[name] for name in wanted.topics})
