@@ -1,7 +1,10 @@
 """
 Whether a tracked height and the range to the floor show the same: the axis that is up, the unit.
 
-A range over steps, or beyond its reach, follows no height and says nothing.
+A range over steps, or beyond its reach, follows no height and says nothing. Nor does one near the
+floor, where a sonar repeats its shortest range at any height: below ``min_range`` of the message,
+or, as a table or a foreign bag does not know that, where the readings stand at the least one of
+the recording while the height changes.
 """
 
 from __future__ import annotations
@@ -19,6 +22,10 @@ FOLLOWS = 0.95      # correlation of a range with the axis that is up; five real
 OTHER = 0.9  # correlation below which a range does not follow an axis; the others have up to 0.78
 FACTOR = 1.25  # of the height by the range: five real flights 0.987 to 1.011, feet 3.3
 WITHIN = 1.2  # [-] times the shortest range, which a range repeats on the floor
+LEAST_SHARE = 1.0  # % of the readings, below the least one that counts: single ones may be damaged
+NEAR = 1.1    # [-] times that: the readings whose median is the repeated one, with 5 mm of noise
+EXACT = 0.01  # [-] of a repeated range, that its copies may differ: a step of 4 mm of 0.434 m
+STANDS = 4.0  # [-] times the change of height that the scatter explains; 1 of one that follows
 GAP = 0.1     # s, over which poses are connected
 
 
@@ -108,4 +115,54 @@ def beside(bag: Bag, tracked: motion.Motion) -> tuple[Floats, Floats] | None:
         return None
     position = interpolate(sonar.t, tracked.t, tracked.position, GAP)
     known = (WITHIN * low < ranges) & (ranges < high) & np.isfinite(position).all(axis=1)
-    return ranges[known], position[known]
+    return _off_floor(ranges[known], position[known])
+
+
+def repeated(ranges: Floats, height: Floats) -> tuple[float, float] | None:
+    """
+    Return the range that is repeated near the floor, and up to which height; None: there is none.
+
+    Parameters
+    ----------
+    ranges, height : (n,)
+        At the same times, in order, finite; in any unit.
+
+    Returns
+    -------
+    In the units of both. The height is where the line through the readings above ends.
+
+    """
+    if len(ranges) < LEAST_ROWS:
+        return None
+    least = float(np.percentile(ranges, LEAST_SHARE))
+    usual = float(np.median(ranges[ranges <= NEAR * least]))
+    above, stands = ranges > WITHIN * usual, ranges <= usual
+    if above.sum() < 2 or not min(np.ptp(ranges[above]), np.ptp(height[above])) > 0.0:
+        return None
+    slope = float(height[above].std() / ranges[above].std())
+    if np.corrcoef(ranges[above], height[above])[0, 1] < OTHER:
+        return None
+    top = float(height[above].mean() - slope * (ranges[above].mean() - usual))
+    lowest, bottom = (float(np.percentile(x[stands], 5.0)) for x in (ranges, height))
+    explained = slope * (usual - lowest + EXACT * usual)
+    return (usual, top) if top - bottom > STANDS * explained else None
+
+
+def _off_floor(ranges: Floats, position: Floats) -> tuple[Floats, Floats]:
+    """
+    Return ranges, (n,), and positions, (n, 3), without the readings that repeat near the floor.
+
+    If the others show too little, as of a hover, they stay, at the height up to which they repeat:
+    without them a wrong unit would not be told.
+    """
+    found = repeated(ranges, position[:, 2])
+    if found is None:
+        return ranges, position
+    usual, top = found
+    above = ranges > WITHIN * usual
+    if above.sum() >= LEAST_ROWS and ranges[above].std() >= LEAST_CHANGE and (
+            np.corrcoef(ranges[above], position[above, 2])[0, 1] >= FOLLOWS):
+        return ranges[above], position[above]
+    position = position.copy()
+    position[~above, 2] = np.maximum(position[~above, 2], top)
+    return ranges, position

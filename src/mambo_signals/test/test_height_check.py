@@ -67,3 +67,73 @@ def test_a_recording_without_a_range_or_poses_says_nothing():
     bag['optitrack/pose']._cache['pose.position'] = np.full(
         (len(bag['optitrack/pose']), 3), np.nan)
     assert height_check.of_bag(bag) == []
+
+
+def landed(least, noise, factor=1.0, hover=False):
+    """Return times, ranges and heights of a flight of 40 s, on the floor for 4 s at each end."""
+    t = np.arange(0.0, 40.0, 0.05)
+    height = 0.02 + np.clip(0.5 * np.minimum(t - 4.0, 36.0 - t), 0.0, 1.1)
+    if not hover:
+        height += np.where(height > 1.1, 0.35 * np.sin(0.8 * (t - 6.2)), 0.0)
+    ranges = np.maximum(height, least) + np.random.default_rng(1).normal(0.0, noise, len(t))
+    return t, ranges, factor * height
+
+
+def sonar_bag(t, ranges, height, shortest=0.0):
+    """Return a recording of 8 s of these, with limits of the range from ``shortest`` to 10 m."""
+    bag = read_bag(BAG, ('sonar/range', 'optitrack/pose'))
+    sonar, poses = bag['sonar/range'], bag['optitrack/pose']
+    sonar._cache['range'] = np.interp(5.0 * (sonar.t - sonar.t[0]), t, ranges)
+    sonar._cache['min_range'] = np.full(len(sonar), shortest)
+    sonar._cache['max_range'] = np.full(len(sonar), 10.0)
+    path = np.zeros((len(poses), 3))
+    path[:, 2] = np.interp(5.0 * (poses.t - sonar.t[0]), t, height)
+    poses._cache['pose.position'] = path
+    return bag
+
+
+@pytest.mark.parametrize('hover', [False, True], ids=['bobs', 'hovers'])
+@pytest.mark.parametrize('noise', [0.0, 0.001, 0.003])
+@pytest.mark.parametrize('least', [0.2, 0.3, 0.434])
+def test_readings_that_repeat_near_the_floor_are_no_other_unit(least, noise, hover):
+    _, ranges, height = landed(least, noise, hover=hover)
+    usual, top = height_check.repeated(ranges, height)
+    assert usual == pytest.approx(least, abs=0.001 + noise)
+    assert top == pytest.approx(least, abs=0.03)
+    for factor in (3.28084, 0.3048, 1000.0, 0.001, 1.5):
+        wrong = height_check.repeated(ranges, factor * height)
+        assert wrong == pytest.approx((usual, factor * top))
+
+
+@pytest.mark.parametrize('factor', [1.0, 3.28084, 0.3048])
+@pytest.mark.parametrize('noise', [0.0, 0.003, 0.02])
+def test_a_range_that_follows_the_height_to_the_floor_repeats_nothing(noise, factor):
+    for hover in (False, True):
+        _, ranges, height = landed(0.0, noise, factor, hover)
+        assert height_check.repeated(ranges + 0.1, height) is None
+    steps = np.where(T % 6.0 < 3.0, 1.0, 2.0)  # two heights, at which it stays
+    assert height_check.repeated(steps, factor * steps) is None
+    assert height_check.repeated(HEIGHT[:20], HEIGHT[:20]) is None
+    assert height_check.repeated(HEIGHT, PLACE[:, 0]) is None  # of no axis that is up
+    climbs = np.append([0.62, 0.62], np.linspace(0.72, 1.4, 150))  # few readings are low
+    assert height_check.repeated(climbs, factor * climbs) is None
+
+
+@pytest.mark.parametrize('factor, said', [(1.0, ''), (3.28084, 'changes 3.2'),
+                                          (0.3048, 'changes 0.30'), (0.01, 'changes 0.0')])
+@pytest.mark.parametrize('hover', [False, True])
+def test_a_recording_without_the_limits_of_its_range_is_judged_above_the_floor(
+        hover, factor, said):
+    t, ranges, height = landed(0.434, 0.001, factor, hover)
+    found = height_check.of_bag(sonar_bag(t, ranges, height))
+    assert len(found) == bool(said) and said in ''.join(found)
+
+
+def test_what_is_above_the_floor_is_the_same_with_and_without_the_limits():
+    t, ranges, height = landed(0.434, 0.0)
+    pairs = []
+    for shortest in (0.0, 0.434):
+        bag = sonar_bag(t, ranges, height, shortest)
+        pairs.append(height_check.beside(bag, height_check.motion.read(bag, 'optitrack/pose')))
+    for one, other in zip(*pairs, strict=True):
+        assert len(one) > 50 and (one == other).all()

@@ -658,3 +658,19 @@ def test_a_last_line_that_is_cut_off_is_left_out(tmp_path, end, rows, cut):
     counts, notes = import_table(tmp_path / 'a.csv', tmp_path / 'bag', tmp_path / 'm.yaml')
     assert counts['/mambo/motor_pwm'] == rows
     assert ('the last line of the file is cut off: left out' in notes) == cut
+
+
+@pytest.mark.parametrize('factor, said', [(1.0, []), (3.28084, ['changes 3.2'])])
+def test_a_range_that_repeats_near_the_floor_is_no_other_unit(tmp_path, factor, said):
+    """A sonar repeats 0.434 m below that, and a table has no limits of the range."""
+    t = np.arange(0.0, 30.0, 0.05)
+    height = 0.02 + np.clip(0.5 * np.minimum(t - 4.0, 26.0 - t), 0.0, 1.1)
+    height += np.where(height > 1.1, 0.35 * np.sin(0.8 * t), 0.0)
+    data = pandas.DataFrame({
+        't': t, 'x': 0.1 * np.sin(t), 'y': 0.1 * np.cos(t), 'z': factor * height, 'qx': 0.0,
+        'qy': 0.0, 'qz': 0.0, 'qw': 1.0, 'r': np.maximum(height, 0.434)})
+    text = FLIPPED + '  sonar/range: {{range: [r]}}\n'
+    source, mapping = files(tmp_path, data, text=text)
+    lines = [note for note in import_table(source, tmp_path / 'bag', mapping)[1]
+             if 'times as much as the range' in note]
+    assert len(lines) == len(said) and all(x in y for x, y in zip(said, lines, strict=True))
