@@ -99,12 +99,12 @@ def _measure(
            'late': sum(float(one['late'] or 0) for one in flown),
            'lost': float(sum(map(_lost, (folder / 'flight').rglob('*.mcap')))),
            'memory': max(float(one['memory']) for one in spent), 'memory_all': memory}
-    for one, drone in zip(spent, flown):
+    for one in spent:  # of each drone, and of what all share
         for name, cores in NODE.findall(one['nodes']):
-            seconds_of_cpu = float(cores) * float(drone['took']) / float(drone['flown'])
+            seconds_of_cpu = float(cores) / out['factor']
             out[f'cpu {name}'] = out.get(f'cpu {name}', 0.0) + seconds_of_cpu
     out['cpu'] = sum(value for name, value in out.items() if name.startswith('cpu '))
-    if delays := DELAY.search(output):
+    if delays := max(DELAY.finditer(output), key=lambda one: float(one['median']), default=None):
         out.update({f'delay {name}': float(found) for name, found in delays.groupdict().items()})
     return out
 

@@ -475,6 +475,7 @@ class TestPace:
                 now=sensed, watch=lambda now, speed: None, starved=-1,
                 t=0, delays=SimpleNamespace(count=1), start=lambda away: None,
                 get_logger=logging.getLogger)
+            sim.drones = [sim]
 
             def once(timeout):
                 nonlocal stalled

@@ -250,6 +250,7 @@ def _fly_and_report(
             reasons += _without_poses(bags[space], flights[space])
         problem = problem or (FlightError(reasons[0]) if reasons else None)
     if hall is not None:
+        _print_hall(outcomes[0])
         problem = _print_separation(bag, outcomes, hall, options.no_report) or problem
     if stopped:
         raise KeyboardInterrupt(stopped)
@@ -263,6 +264,15 @@ def _without_poses(bag: Path, flight: scenarios.Scenario) -> list[str]:
     if line:
         print(line)
     return [line] if failed else []
+
+
+def _print_hall(outcome: Outcome) -> None:
+    """Print what the outcome of any drone of a hall says of all of them."""
+    lines = [f'warning: {line}' for line in outcome.hall_remarks]
+    if outcome.hall_used and outcome.took:
+        lines.append(outcome.hall_spent())
+    if lines:
+        print('all drones:', *lines, sep='\n')
 
 
 def _print_separation(

@@ -3,7 +3,8 @@ Lockstep protocol and real-time pacing of a simulated flight.
 
 In lockstep, each step publishes the sensors with a watermark, waits for the motor command with the
 stamp of the step, and then advances the vehicle. In real time each step waits for the wall clock.
-``sim`` is the simulator's node and ``loop`` serves its messages (``once(timeout)``, ``stopping``).
+``sim`` is the simulator's node, or those of a hall as one, ``sim.drones`` its nodes, one for each
+drone, and ``loop`` serves their messages (``once(timeout)``, ``stopping``).
 """
 
 from __future__ import annotations
@@ -160,8 +161,14 @@ def wait_for_answer(sim: Any, loop: Any) -> bool:
             return False
         if waited - logged > _ASK_AGAIN:
             logged = waited
-            sim.get_logger().warning(f'waiting for motor_pwm of t = {sim.t * 1e-9:.3f} s')
+            for one in _unanswered(sim):
+                one.get_logger().warning(f'waiting for motor_pwm of t = {sim.t * 1e-9:.3f} s')
     return True
+
+
+def _unanswered(sim: Any) -> list[Any]:
+    """Return the simulators whose motor command of this step has not arrived."""
+    return [one for one in sim.drones if not one.answered]
 
 
 def wait_for_deadline(sim: Any, loop: Any, deadline: float, looked: float) -> float:
@@ -176,7 +183,8 @@ def wait_for_deadline(sim: Any, loop: Any, deadline: float, looked: float) -> fl
     stop one or all of their processors for milliseconds. The delay is made up for by the next
     steps, each as soon as it is answered. A controller that always takes longer than a step
     therefore uses that time up, and its steps go on without their commands. A step that began
-    late gets its full period in any case.
+    late gets its full period in any case. All drones of a hall wait for that of one; the step
+    counts as missed, or as one that waited, for that one.
 
     None is awaited where no controller has answered for the first ``SILENT`` steps, or where the
     motors were stopped for lack of commands.
@@ -184,21 +192,23 @@ def wait_for_deadline(sim: Any, loop: Any, deadline: float, looked: float) -> fl
     away = _away(sim, looked)
     deadline += away
     overdue, due = deadline, max(deadline, sim.sensed + STEP_NS * 1e-9 / sim.params.speed)
-    if sim.starved < 0 and (sim.delays.count or sim.missed < SILENT):
+    if sim.starved < 0 and any(one.delays.count or one.missed < SILENT for one in sim.drones):
         overdue = max(deadline + BEHIND, due)
     while not loop.stopping:
         left = (deadline if sim.answered else overdue) - time.monotonic()
         if left <= 0.0:
             break
-        awaited = not sim.answered
+        awaited = _unanswered(sim)
         loop.once(left)
-        sim.late += awaited and sim.answered and time.monotonic() > due
+        if awaited and time.monotonic() > due:
+            for one in awaited:
+                one.late += one.answered
     if not sim.answered:
         loop.once(0.0)
     away += _away(sim, max(overdue, due))
-    if not sim.answered:
-        sim.missed += 1
-        sim.watch(time.monotonic(), sim.params.speed)
+    for one in _unanswered(sim):
+        one.missed += 1
+        one.watch(time.monotonic(), sim.params.speed)
     return away
 
 
@@ -225,6 +235,18 @@ def wait_while_paused(sim: Any, loop: Any) -> float:
             sim.get_logger().info(f'paused before t = {sim.t * 1e-9:.3f} s')
     sim.start()
     return time.monotonic() - began
+
+
+def _log_commands(sim: Any, lockstep: bool, took: float) -> None:
+    """Log how the motor commands of one drone came in a flight that took so many s."""
+    log, delays = sim.get_logger(), sim.delays
+    if not lockstep and not delays.count:
+        log.warning('no motor command came: is a controller running in this domain and namespace?')
+    log.info(f'flew {sim.t * 1e-9:.3f} s in {took:.3f} s of wall time, '
+             f'{answers(sim.missed, sim.late)}')
+    if delays.count:
+        delay = ', '.join(f'{name} {value} ms' for name, value in delays.values().items())
+        log.info(f'IMU sample to motor command: {delay} of {delays.count} steps')
 
 
 def run(sim: Any, loop: Any) -> int:
@@ -264,16 +286,11 @@ def run(sim: Any, loop: Any) -> int:
         sim.advance()
     now = time.monotonic()
     took, late = now - began, now - zero - (sim.t + STEP_NS) * 1e-9 / speed
-    if not lockstep and not sim.delays.count:
-        log.warning('no motor command came: is a controller running in this domain and namespace?')
     if not lockstep and late > LATE * took:
         log.warning(f'fell {late:.2f} s behind the wall clock: the controller or the machine is '
                     f'too slow for speed {speed:g}')
     if stopped:
         log.warning(f'did not run for {stopped:.1f} s in all: it went on from where it was')
-    log.info(f'flew {sim.t * 1e-9:.3f} s in {took:.3f} s of wall time, '
-             f'{answers(sim.missed, sim.late)}')
-    if sim.delays.count:
-        delay = ', '.join(f'{name} {value} ms' for name, value in sim.delays.values().items())
-        log.info(f'IMU sample to motor command: {delay} of {sim.delays.count} steps')
+    for one in sim.drones:
+        _log_commands(one, lockstep, took)
     return 0 if loop.stopping or end is None or sim.t >= end else 1

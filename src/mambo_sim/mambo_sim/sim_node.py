@@ -103,6 +103,11 @@ class SimNode(node.MamboNode[SimNodeParams]):
             self.delays.add(self._last_command - self.sensed)
 
     @property
+    def drones(self) -> tuple[SimNode, ...]:
+        """Return the simulators that ``lockstep.run`` steps: this one."""
+        return (self,)
+
+    @property
     def t(self) -> int:
         """Return the flight time of the current step in ns."""
         return self._tick * STEP_NS

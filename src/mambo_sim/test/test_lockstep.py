@@ -32,7 +32,7 @@ class Sim:
         self.starved, self.silent = -1, []
         self.answered_to, self.gave_up, self.watched, self.heard = -1, [], [], 0.0
         self.delays, self.log = Delays(), logging.getLogger('test')
-        self.pause = lockstep.Pause(self.params.paused)
+        self.pause, self.drones = lockstep.Pause(self.params.paused), [self]
 
     def get_logger(self):
         return self.log

@@ -10,7 +10,6 @@ from mambo_flight.world.world_file import Hall
 from mambo_ros import topics
 from mambo_ros.loop import Loop
 from mambo_sim import lockstep, pushed
-from mambo_sim.delays import Delays
 from mambo_sim.optitrack_node import OptitrackNode
 from mambo_sim.sim_node import SimNode
 from mambo_sim.world import World
@@ -23,7 +22,8 @@ class Fleet:
     Simulators of one hall as one simulator for ``lockstep.run``.
 
     Every step all of them publish their sensors, all motor commands are awaited, and all vehicles
-    move. Mode, speed and duration are those of the first; a pause is one of all.
+    move. Mode, speed and duration are those of the first; a pause is one of all. Each simulator
+    counts its own motor commands: those that were missing, those that were late, and all delays.
 
     Parameters
     ----------
@@ -33,17 +33,15 @@ class Fleet:
 
     Attributes
     ----------
-    missed : int
-        Steps in which a motor command was missing.
-    late : int
-        Steps that waited for a late one.
+    drones : sequence of SimNode
+        The simulators.
     pause : lockstep.Pause
 
     """
 
     def __init__(self, sims: Sequence[SimNode], hall: Hall) -> None:
-        self._sims, self._names = sims, list(hall.places)
-        self.missed, self.late, self.pause = 0, 0, sims[0].pause
+        self.drones, self._names = sims, list(hall.places)
+        self.pause = sims[0].pause
         for sim in sims:
             sim.pause = self.pause  # whoever pauses one pauses all
         for sim in sims[1:]:
@@ -58,79 +56,63 @@ class Fleet:
 
     def get_logger(self) -> Any:
         """Return the logger of the first simulator."""
-        return self._sims[0].get_logger()
+        return self.drones[0].get_logger()
 
     @property
     def params(self) -> Any:
         """Return the parameters of the first simulator."""
-        return self._sims[0].params
+        return self.drones[0].params
 
     @property
     def t(self) -> int:
         """Return the flight time of the current step in ns."""
-        return self._sims[0].t
+        return self.drones[0].t
 
     @property
     def answered(self) -> bool:
         """Return whether all motor commands of the current step have arrived."""
-        return all(sim.answered for sim in self._sims)
+        return all(sim.answered for sim in self.drones)
 
     @property
     def sensed(self) -> float:
         """Return the wall time of the newest IMU sample, s."""
-        return self._sims[-1].sensed
-
-    @property
-    def delays(self) -> Delays:
-        """
-        Return the delays from IMU sample to motor command of the drone with most answers.
-
-        Of several it is the last, whose delays are the longest.
-        """
-        return max(reversed(self._sims), key=lambda sim: sim.delays.count).delays
+        return self.drones[-1].sensed
 
     @property
     def starved(self) -> int:
         """Return when the last motors were stopped for lack of commands, ns; -1: some turn."""
-        times = [sim.starved for sim in self._sims]
+        times = [sim.starved for sim in self.drones]
         return max(times) if min(times) >= 0 else -1
 
     def start(self, away: float = math.inf) -> None:
         """Start to wait for motor commands, as ``SimNode.start``."""
-        for sim in self._sims:
+        for sim in self.drones:
             sim.start(away)
 
     def sense(self) -> None:
         """Look at all vehicles, log collisions, and publish the sensors of all drones."""
-        for sim, row in zip(self._sims, self._world.seen, strict=True):
+        for sim, row in zip(self.drones, self._world.seen, strict=True):
             pushed.observe_held(sim.held, row)
         self._pushes = self._world.look(self.t)
         for collision in self._world.collisions[self._told:]:
             self.get_logger().error(collision.describe(self._names))
         self._told = len(self._world.collisions)
-        for sim, push in zip(self._sims, self._pushes, strict=True):
+        for sim, push in zip(self.drones, self._pushes, strict=True):
             sim.sense(push)
 
     def advance(self) -> None:
         """Move all vehicles to the next step."""
         for sim, push, stop in zip(
-                self._sims, self._pushes, self._world.stopped, strict=True):
+                self.drones, self._pushes, self._world.stopped, strict=True):
             sim.advance(push, stop)
-
-    def watch(self, now: float, speed: float) -> None:
-        """Count a missing motor command, and stop motors, as ``SimNode.watch`` at a wall time."""
-        for sim in self._sims:
-            if not sim.answered:
-                sim.missed += 1
-                sim.watch(now, speed)
 
     def is_deserted(self, now: float) -> bool:
         """Return whether a drone had no motor command for its patience, at a wall time in s."""
-        return any(sim.is_deserted(now) for sim in self._sims)
+        return any(sim.is_deserted(now) for sim in self.drones)
 
     def give_up(self) -> None:
         """Stop the motors of the drones whose command is missing."""
-        for sim in self._sims:
+        for sim in self.drones:
             if not sim.answered:
                 sim.give_up()
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 import os
 from pathlib import Path
@@ -22,15 +23,16 @@ _FLOWN = re.compile(
 _PAUSED = re.compile(r'paused before t = ')
 _DELAY = re.compile(r'IMU sample to motor command: .*')
 _USED = re.compile(r'used ([\d.]+) s of CPU and (\d+) MB')
+_SOURCE = re.compile(r'\[([\w.]+)\.\w+\]: ')  # namespace and node
 _REFUSED = re.compile(r'\[[\w.]*?(\w+)\]: refused messages: (.+)')
 _DROPPED = re.compile(r'\d+ commands? of the scenario refused in flight, first .*')
 _BEGUN = re.compile(r'flying in \w+ mode$')
 _COLLIDED = re.compile(r'/\S+ and /\S+ collided at t = [\d.]+ s: [\d.]+ m apart')
 _PACED = re.compile(r'flying in realtime mode$')
 _WAITS = re.compile(r'waiting for .*')
-_REMARK = re.compile(
-    r'motor_pwm of t = .* are limited to .*|fell [\d.]+ s behind the wall clock.*|'
-    r'did not run for [\d.]+ s in all.*')
+_REMARK = re.compile(r'motor_pwm of t = .* are limited to .*')
+_PACE = re.compile(
+    r'fell [\d.]+ s behind the wall clock.*|did not run for [\d.]+ s in all.*')
 _TIME = re.compile(r't = ([\d.]+) s$')
 MANY = 0.05  # [-] of the steps without a motor command, from which the flight is another one
 _QUIET = 10.0  # s without a word where no progress bar is seen; each further wait is twice as long
@@ -46,7 +48,7 @@ class Outcome:
     missed: int  # steps without a motor command in time
     delay: str  # wall time from IMU sample to motor command, one line
     stopped: signal.Signals | None  # signal by which the user ended the flight
-    used: dict[str, tuple[float, int]]  # by node: s of CPU, peak memory in MB
+    used: dict[str, tuple[float, int]]  # by node of its own: s of CPU, peak memory in MB
     refused: dict[str, str]  # by node: numbers of refused messages by topic and reason
     closed: bool  # the bag
     fault: str = ''  # why the flight ended early, one line
@@ -57,6 +59,8 @@ class Outcome:
     dropped: list[str] = field(default_factory=list)  # commands not carried out, one line
     late: int = 0  # steps that waited for a late motor command
     paused: bool = False  # for a while, which ``took`` leaves out
+    hall_remarks: list[str] = field(default_factory=list)  # on all drones, one line each
+    hall_used: dict[str, tuple[float, int]] = field(default_factory=dict)  # by nodes of all drones
 
     @property
     def real_time_factor(self) -> float | None:
@@ -75,15 +79,23 @@ class Outcome:
                                         'in lockstep')
 
     def spent(self) -> str:
-        """Return the CPU time and memory of the nodes as one line, the largest first."""
+        """Return the CPU time and memory of the drone's own nodes as one line, largest first."""
+        return self._spent(self.used)
+
+    def hall_spent(self) -> str:
+        """Return the CPU time and memory of the nodes that all drones share as one line."""
+        return self._spent(self.hall_used)
+
+    def _spent(self, used: Mapping[str, tuple[float, int]]) -> str:
+        """Return the CPU time and memory of nodes as one line, the largest first."""
         # of CPU used in a pause, and at the start, the wall time of the flight knows nothing
-        total = sum(seconds for seconds, _ in self.used.values())
+        total = sum(seconds for seconds, _ in used.values())
         per, unit = (1.0, 's') if self.paused or total > self.took * len(
             os.sched_getaffinity(0)) else (self.took, 'cores')
         cpu = {name.removesuffix('_node'): seconds / per
-               for name, (seconds, _) in self.used.items()}
+               for name, (seconds, _) in used.items()}
         nodes = ', '.join(f'{name} {cpu[name]:.2f}' for name in sorted(cpu, key=cpu.get)[::-1])
-        memory = max(memory for _, memory in self.used.values())
+        memory = max(memory for _, memory in used.values())
         return f'CPU: {sum(cpu.values()):.2f} {unit}: {nodes}; memory: {memory} MB at most'
 
 
@@ -95,11 +107,32 @@ class FlightEndedError(FlightError):
         self.outcomes = outcomes
 
 
+@dataclass
+class Commands:
+    """How the motor commands of one drone came, as its simulator printed it."""
+
+    missed: int = 0  # steps without one in time
+    late: int = 0  # steps that waited for a late one
+    delay: str = ''  # wall time from IMU sample to motor command, one line
+    remarks: list[str] = field(default_factory=list)  # one line each
+
+
 class Progress:
-    """Progress bar of flight time, updated from the lines that the simulator prints."""
+    """
+    Progress bar of flight time, updated from the lines that the simulators print.
+
+    Attributes
+    ----------
+    commands : dict
+        :class:`Commands` by namespace.
+    remarks : list of str
+        On the pace of the flight, one line each; of a hall it is that of all drones.
+
+    """
 
     def __init__(self, duration: float, shown: bool = True) -> None:
-        self.flown, self.took, self.missed, self.late, self.delay = 0.0, 0.0, 0, 0, ''
+        self.flown, self.took = 0.0, 0.0
+        self.commands: defaultdict[str, Commands] = defaultdict(Commands)
         self.begun = self.ended = self.paused = False
         self.lines = 0
         self.collisions: list[str] = []
@@ -110,21 +143,24 @@ class Progress:
             bar_format='{desc} {bar} {n:.1f}/{total:.0f} s of flight, {elapsed} elapsed')
 
     def line(self, text: str) -> None:
-        """Update from one line of the simulator."""
+        """Update from one line of a simulator."""
         self.lines += 1
+        own = self.commands[source(text)]
         self.begun = self.begun or bool(_BEGUN.search(text))
         if found := _FLOWN.search(text):
             self.flown, self.took = float(found[1]), float(found[2])
-            self.missed, self.late = int(found[3]), int(found[4] or 0)
+            own.missed, own.late = int(found[3]), int(found[4] or 0)
             self.ended = True
         elif _PAUSED.search(text):
             self.paused = True
         elif found := _COLLIDED.search(text):
             self.collisions.append(found[0])
         elif found := _REMARK.search(text):
+            own.remarks.append(found[0])
+        elif found := _PACE.search(text):
             self.remarks.append(found[0])
         elif found := _DELAY.search(text):
-            self.delay = found[0]
+            own.delay = found[0]
         elif found := _WAITS.search(text):
             self._doing = found[0]
             self._bar.set_description_str(found[0])
@@ -155,22 +191,33 @@ def listener(progress: Progress, children: list[NodeProcess]) -> Callable[[str],
     return on_line
 
 
+def source(line: str) -> str:
+    """Return the namespace of the node that logged a line; '' for any other line."""
+    found = _SOURCE.search(line)
+    return f"/{found[1].replace('.', '/')}" if found else ''
+
+
 def used(nodes: list[NodeProcess]) -> dict[str, tuple[float, int]]:
     """Return the CPU time and memory that the nodes printed when they ended."""
     matches = {child.name: _USED.search('\n'.join(child.lines)) for child in nodes}
     return {name: (float(found[1]), int(found[2])) for name, found in matches.items() if found}
 
 
-def refused(nodes: list[NodeProcess]) -> dict[str, str]:
-    """Return the last line that each node printed about refused messages, by node."""
-    lines = '\n'.join(line for child in nodes for line in child.lines)
+def _lines(nodes: Iterable[NodeProcess], namespace: str) -> list[str]:
+    """Return the last lines of nodes, those of one drone if a namespace is given."""
+    return [line for child in nodes for line in child.lines
+            if not namespace or source(line) == namespace]
+
+
+def refused(nodes: Iterable[NodeProcess], namespace: str = '') -> dict[str, str]:
+    """Return the last line that each node logged about refused messages, by node."""
+    lines = '\n'.join(_lines(nodes, namespace))
     return {found[1]: found[2] for found in _REFUSED.finditer(lines)}
 
 
-def dropped(nodes: list[NodeProcess]) -> list[str]:
-    """Return what the reference printed about commands of the scenario that were refused."""
-    return [found[0] for child in nodes for line in child.lines
-            if (found := _DROPPED.search(line))][-1:]
+def dropped(nodes: Iterable[NodeProcess], namespace: str = '') -> list[str]:
+    """Return what the reference logged about commands of the scenario that were refused."""
+    return [found[0] for line in _lines(nodes, namespace) if (found := _DROPPED.search(line))][-1:]
 
 
 def print_refused(lines: dict[str, str]) -> None:

@@ -6,7 +6,7 @@ Every node is a process of its own, or all nodes of a drone are composed in one 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 import signal
@@ -18,12 +18,14 @@ from mambo_flight.world.world_file import Hall
 from ..node_group import NodeGroup
 from ..processes import NodeProcess, parameter, refuse_bag
 from ..stuck import closed_again, guests, is_closed, is_own, Silence, stuck
-from .natnet import write as write_natnet
+from .natnet import CLIENT, SERVER, write as write_natnet
 from .nodes import (
     COMPOSED, HALL_CAPTURE, label, NAMESPACE, RECORDER, recorder_topics, REPLACEABLE,
     run_parameters, start_arguments, take_cameras, VIEW, world_process)
 from .outcome import dropped, FlightEndedError, listener, Outcome, Progress, refused, used
 
+_SHARED = {node[1] for node in (COMPOSED, HALL_CAPTURE, SERVER, CLIENT)}
+"""Nodes that are processes of all drones of a hall."""
 _LOADING = 60.0  # s that nodes may take to load, at least
 
 
@@ -133,10 +135,10 @@ def fly_several(flights: Mapping[str, scenarios.Scenario], bags: Mapping[str, Pa
         print(f'the view ended before the flight: {line}')
     outcomes = [
         _outcome(bags[namespace], progress[namespace], started[namespace],
-                 flights[namespace], group)
+                 flights[namespace], group, namespace)
         for namespace in flights]
-    for outcome in outcomes[1:] if world else ():
-        outcome.used.pop(COMPOSED[1], None)  # that of all drones, counted for the first
+    if world:
+        _divide(outcomes, progress[namespace], group, list(flights))
     if group.fault and not group.interrupts.first:
         raise FlightEndedError(outcomes)
     return outcomes
@@ -175,8 +177,8 @@ def _invitation(without: Collection[str], namespaces: Collection[str], domain: i
 
 
 def _outcome(bag: Path, progress: Progress, nodes: list[NodeProcess],
-             flight: scenarios.Scenario, group: NodeGroup) -> Outcome:
-    """Return the result of one drone's flight."""
+             flight: scenarios.Scenario, group: NodeGroup, namespace: str) -> Outcome:
+    """Return the result of one drone's flight, as if it had no hall in common with others."""
     asked = flight.sim_node.duration
     killed = [node.name for node in nodes if node.exit_code == -signal.SIGKILL]
     own = is_own(bag, nodes)
@@ -192,9 +194,23 @@ def _outcome(bag: Path, progress: Progress, nodes: list[NodeProcess],
     if fault and flown:
         least = '' if progress.ended else 'at least '  # of what it said before it was killed
         fault = f'flew {least}{flown:.2f} of {asked:g} s: {fault}'
+    commands = progress.commands[namespace]
     return Outcome(
-        bag, flown, progress.took, progress.missed, progress.delay,
+        bag, flown, progress.took, commands.missed, commands.delay,
         group.interrupts.first, used(nodes), refused(nodes), closed, fault,
         recorded=own, whole=flown >= asked, collisions=progress.collisions,
-        remarks=progress.remarks, dropped=dropped(nodes), late=progress.late,
-        paused=progress.paused)
+        remarks=[*commands.remarks, *progress.remarks], dropped=dropped(nodes),
+        late=commands.late, paused=progress.paused)
+
+
+def _divide(outcomes: list[Outcome], progress: Progress, group: NodeGroup,
+            namespaces: Sequence[str]) -> None:
+    """Tell what is of each drone of a hall from what is of all, which their outcomes share."""
+    shared = used([node for node in group.children if node.name in _SHARED])
+    for outcome, namespace in zip(outcomes, namespaces, strict=True):
+        outcome.remarks = progress.commands[namespace].remarks
+        outcome.used = {name: own for name, own in outcome.used.items() if name not in _SHARED}
+        outcome.hall_remarks, outcome.hall_used = progress.remarks, shared
+        # the cameras are processes of the first drone, and log for all
+        outcome.refused = refused(group.children, namespace)
+        outcome.dropped = dropped(group.children, namespace)

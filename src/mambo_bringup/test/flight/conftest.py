@@ -14,7 +14,7 @@ def graph(tmp_path, monkeypatch):
     def replace(**programs):
         for told in (*tmp_path.glob('*.up'), *tmp_path.glob('*.quiet')):
             told.unlink()  # by those of the flight before, for which nobody waits any more
-        for name in NODES:
+        for name in {*NODES, *programs}:
             (tmp_path / name).write_text(STAND_IN + programs.get(name, QUIET))
             (tmp_path / name).chmod(0o755)
     return replace

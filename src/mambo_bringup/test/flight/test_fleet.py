@@ -7,6 +7,7 @@ from mambo_bringup.flight.fleet import Fleet
 from mambo_flight.world.world_file import Hall
 from mambo_model.vehicle.parameters import Vehicle
 from mambo_sim import lockstep
+from mambo_sim.delays import Delays
 from mambo_sim.downwash import DownwashParams
 from mambo_sim.world import WorldParams
 import pytest
@@ -17,13 +18,15 @@ class Sim:
 
     def __init__(self, place, log):
         self.params = SimpleNamespace(simulator=SimpleNamespace(vehicle=Vehicle()))
-        self.t, self.answered, self.sensed, self.missed, self.delays = 0, True, 1.0, 0, place
+        self.t, self.answered, self.sensed, self.missed, self.late = 0, True, 1.0, 0, 0
+        self.delays, self.starved = Delays(), -1
         self.held, self.name = self, f'/mambo{place + 1}'
         self.pause = lockstep.Pause(False)
         self.east, self.calls, self._log, self.deserted = 0.0, [], log, False
 
     def get_logger(self):
-        return SimpleNamespace(error=self._log.append)
+        return SimpleNamespace(error=self._log.append, **dict.fromkeys(
+            ('info', 'warning'), lambda line: self._log.append(f'{self.name}: {line}')))
 
     def get_namespace(self):
         return self.name
@@ -63,9 +66,6 @@ def test_all_answers_are_waited_for():
     assert all_of_them.answered
     sims[1].answered = False
     assert not all_of_them.answered
-    all_of_them.watch(7.0, 0.5)
-    assert (sims[0].calls, sims[1].calls) == ([], [('watch', 7.0, 0.5)])
-    assert (sims[0].missed, sims[1].missed) == (0, 1)
     all_of_them.give_up()
     assert sims[0].calls == [] and sims[1].calls[-1] == ('give_up',)
 
@@ -115,3 +115,66 @@ def test_a_push_acts_on_sensors_and_motion_of_the_step():
     all_of_them.sense()
     all_of_them.advance()
     assert [sim.calls[1:] for sim in sims] == [[('sense', 0.0), ('advance', 0.0, False)]] * 2
+
+
+def step(all_of_them, replies, monkeypatch):
+    """Pace a step that began at 1 s by the wall clock, answered after so many s by each drone."""
+    now = 1.0
+
+    def once(timeout):
+        nonlocal now
+        left = [sim for sim in all_of_them.drones if not sim.answered and replies[sim.name]]
+        due = min((1.0 + replies[sim.name] for sim in left), default=now + timeout)
+        now = min(now + timeout, due)
+        for sim in left:
+            sim.answered = now >= 1.0 + replies[sim.name]
+
+    monkeypatch.setattr(lockstep, 'time', SimpleNamespace(monotonic=lambda: now))
+    for sim in all_of_them.drones:
+        sim.answered = False
+        sim.delays.add(0.001)
+    lockstep.wait_for_deadline(
+        all_of_them, SimpleNamespace(stopping=False, once=once), 1.005, 1.0)
+
+
+def test_a_step_counts_as_late_or_missed_for_the_drone_whose_command_was(monkeypatch):
+    all_of_them, sims, _ = fleet()
+    all_of_them.params.speed = 1.0
+    for replies, late, missed in (
+            ((0.001, 0.004), (0, 0), (0, 0)), ((0.001, 0.007), (0, 1), (0, 0)),
+            ((0.001, None), (0, 1), (0, 1)), ((None, 0.012), (0, 2), (1, 1)),
+            ((0.006, 0.007), (1, 3), (1, 1))):
+        step(all_of_them, dict(zip(('/mambo1', '/mambo2'), replies, strict=True)), monkeypatch)
+        assert (sims[0].late, sims[1].late) == late, replies
+        assert (sims[0].missed, sims[1].missed) == missed, replies
+        assert [bool(sim.calls) for sim in sims] == [count > 0 for count in missed]  # watched
+
+
+def test_the_drone_whose_command_lockstep_waits_for_is_named(monkeypatch):
+    all_of_them, sims, log = fleet()
+    all_of_them.params.patience = 7.0
+    sims[1].answered, now = False, 0.0
+
+    def once(timeout):
+        nonlocal now
+        now += timeout
+
+    monkeypatch.setattr(lockstep, 'time', SimpleNamespace(monotonic=lambda: now))
+    assert not lockstep.wait_for_answer(
+        all_of_them, SimpleNamespace(stopping=False, once=once))
+    assert log == ['/mambo2: waiting for motor_pwm of t = 0.000 s']
+
+
+def test_each_drone_says_how_its_own_commands_came(monkeypatch):
+    all_of_them, sims, log = fleet()
+    vars(all_of_them.params).update(mode='realtime', speed=1.0, duration=1.0)
+    sims[1].missed, sims[1].late = 43, 142
+    sims[1].delays.add(0.25)
+    assert lockstep.run(all_of_them, SimpleNamespace(stopping=True)) == 0
+    assert [line for line in log if 'flying' not in line] == [
+        '/mambo1: no motor command came: is a controller running in this domain and namespace?',
+        '/mambo1: flew 0.000 s in 0.000 s of wall time, 0 steps without their motor command',
+        '/mambo2: flew 0.000 s in 0.000 s of wall time, 43 steps without their motor command, '
+        '142 waited for a late one',
+        '/mambo2: IMU sample to motor command: p50 250.00 ms, p99 250.00 ms, max 250.00 ms of 1 '
+        'steps']

@@ -5,8 +5,10 @@ import os
 from mambo_bringup import processes, run, stuck
 from mambo_bringup.flight import runner
 from mambo_bringup.flight.outcome import Progress
-from mambo_bringup.flight.runner import fly
+from mambo_bringup.flight.runner import fly, fly_several
 from mambo_flight.scenario import override
+from mambo_flight.world.world_file import Hall
+from mambo_sim.world import WorldParams
 import pytest
 from stand_in_nodes import FLEW, NODES, QUIET, short
 
@@ -82,6 +84,48 @@ def test_what_the_simulator_remarks_is_printed(graph, tmp_path, capsys):
     run._print_outcome(outcome, tmp_path / 'bag', no_report=True)
     assert [f'warning: {line}' for line in lines] == [
         line for line in capsys.readouterr().out.splitlines() if line.startswith('warning')]
+
+
+HALL = """
+for drone, missed, late, delay in ((1, 0, 7, 2.5), (2, 60, 142, 3.5)):
+    at = f'[WARN] [1.0] [mambo{drone}'
+    print(f'{at}.sim_node]: flew 3.000 s in 1.500 s of wall time, {missed} steps without their '
+          f'motor command, {late} waited for a late one')
+    print(f'{at}.sim_node]: IMU sample to motor command: p50 {delay:.2f} ms of 600 steps')
+    print(f'{at}.sim_node]: motor_pwm of t = {drone}.000 s is 900, above pwm_max of the vehicle: '
+          'it and later ones are limited to 500')
+    print(f'{at}.controller_node]: refused messages: {drone} /estimate/odom not finite')
+    print(f'{at}.reference_node]: {drone} commands of the scenario refused in flight, first land')
+print('[WARN] [1.0] [mambo1.sim_node]: did not run for 0.7 s in all: it went on from where it was')
+print('used 1.50 s of CPU and 120 MB')
+"""
+
+
+def test_what_one_process_says_of_several_drones_is_said_of_the_drone_that_it_is_of(
+        graph, tmp_path, capsys):
+    """The wall clock and the process are of all drones, and so is what is said of them."""
+    waits = FLEW.partition('print')[0]  # for the five others
+    graph(composed_node=waits + HALL, hall_capture_node=QUIET)
+    spaces = {f'/mambo{number}': tmp_path / f'{number}' for number in (1, 2)}
+    hall = Hall(WorldParams(drones=2), {'/mambo1': (0.0, 0.0, 0.0), '/mambo2': (0.0, 3.0, 0.0)})
+    outcomes = fly_several(dict.fromkeys(spaces, short()), spaces, hall=hall)
+    for number, outcome in enumerate(outcomes, 1):
+        run._print_outcome(outcome, tmp_path, no_report=True)
+        said = capsys.readouterr().out
+        missed, late, delay = ((0, 7, 2.5), (60, 142, 3.5))[number - 1]
+        assert (f'{missed} steps without their motor command, {late} waited for a late one\n'
+                f'IMU sample to motor command: p50 {delay:.2f} ms of 600 steps\n') in said
+        assert ('10% of the steps had no motor command in time' in said) == (number == 2)
+        assert outcome.remarks == [f'motor_pwm of t = {number}.000 s is 900, above pwm_max of the '
+                                   'vehicle: it and later ones are limited to 500']
+        assert outcome.refused == {'controller_node': f'{number} /estimate/odom not finite'}
+        assert outcome.dropped == [
+            f'{number} commands of the scenario refused in flight, first land']
+        assert 'did not run' not in said and 'CPU' not in said
+    run._print_hall(outcomes[0])
+    assert capsys.readouterr().out == (
+        'all drones:\nwarning: did not run for 0.7 s in all: it went on from where it was\n'
+        'CPU: 1.00 cores: composed 1.00; memory: 120 MB at most\n')
 
 
 def test_when_time_is_real_all_but_the_recorder_go_before_others(graph, tmp_path, monkeypatch):
