@@ -222,7 +222,9 @@ def fly(
         name = '_'.join(Path(one).stem.partition(' ')[0] for one in (
             choices['trajectory'] or 'circle', chosen.estimator_node.estimator))
     else:
-        name, chosen = scenario_file.load_alone(str(given.path(scenario, 'scenario')), chosen_ones)
+        name, chosen = scenario_file.load_alone(
+            str(given.path(scenario, 'scenario')),
+            chosen_ones | scenario_file.command_limits(values, 'parameters'))
     _refuse_two(chosen_ones, values)
     chosen = override(chosen, values)
     unused.refuse(

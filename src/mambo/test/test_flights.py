@@ -306,3 +306,10 @@ def test_what_is_no_component_is_refused_in_one_line(arguments, what):
     with pytest.raises(mambo.InputError) as error:
         mambo.fly(**{'duration': 20.0} | arguments)
     assert what in str(error.value) and '\n' not in str(error.value)
+
+
+def test_commands_of_a_file_are_judged_by_the_limits_that_are_given(tmp_path):
+    file = tmp_path / 'high.yaml'
+    file.write_text('title: high\ncommands: [{time: 1.0, takeoff: {height: 4.0}}]\n')
+    with pytest.raises(mambo.InputError, match=r'height = 4 m is outside \[0\.5, 3\.2\] m'):
+        mambo.fly(file, parameters={'reference_node.commands.ceiling': 3.2})

@@ -104,12 +104,14 @@ def parser() -> Parser:
 
 def _scenario(options: argparse.Namespace) -> scenario_file.Selected:
     """Return the flight that the command line selects."""
-    given, others = flight_options.given(options), []
+    others: list[str] = []
     if options.scenario:
-        name, flight, others = scenario_file.select(options.scenario, given)
+        name, flight, others = scenario_file.select(
+            options.scenario, flight_options.over(options))
     else:
-        flight = scenario_file.from_settings(
-            {'controller': scenario_file.Place(CONTROLLER, 'default'), **given})
+        flight = scenario_file.from_settings({
+            'controller': scenario_file.Place(CONTROLLER, 'default'),
+            **flight_options.given(options)})
         plan = flight.reference_node.plan
         path = plan.trajectory if plan.trajectory != COURSE else Path(options.trajectory).stem
         estimator = ESTIMATORS.find(flight.estimator_node.estimator)

@@ -22,7 +22,7 @@ from . import changes, commanded, scenario as scenarios, unused
 from .course import course_file, course_warnings, feasibility
 from .scenario import Scenario
 from .scenario_file import (
-    build_world, contradicted, FIELDS, load_world, long_enough, Place, SETS)
+    build_world, command_limits, contradicted, FIELDS, load_world, long_enough, Place, SETS)
 
 
 DRONES = whole(1, MOST)
@@ -92,6 +92,11 @@ def given(options: argparse.Namespace) -> dict[str, Place]:
             if (value := getattr(options, name, None)) is not None}
 
 
+def over(options: argparse.Namespace) -> dict[str, Place]:
+    """Return what of the command line counts before a scenario file is checked, by name."""
+    return given(options) | command_limits(overrides(options.set), '--set')
+
+
 def _option(name: str, value: Any) -> str:
     """Return the option that gives a setting a value."""
     return f'--no-{name}' if value is False else f'--{name}'
@@ -157,12 +162,14 @@ def world(options: argparse.Namespace) -> WorldParams:
         For a value that cannot be set, or one of several drones where there is one.
 
     """
-    values = {name: value for name, value in _changed(options).items()
-              if name.startswith(_WORLD)}
+    changed = _changed(options)
+    values = {name: value for name, value in changed.items() if name.startswith(_WORLD)}
     given = next(iter(values), '')
     if options.drones is not None:
         values[f'{_WORLD}drones'] = options.drones
-    out = build_world(values, load_world(options.scenario) if options.scenario else None)
+    limits = command_limits(changed, '--set')
+    out = build_world(
+        values, load_world(options.scenario, limits) if options.scenario else None)
     if given and out.drones == 1:
         raise schema.ParameterError(f'--set {given}: needs several drones: give --drones')
     if options.trajectory is not None:

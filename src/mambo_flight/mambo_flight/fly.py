@@ -44,7 +44,7 @@ def _scenario(options: argparse.Namespace) -> tuple[str, Scenario]:
                              'options that choose another; --set changes it')
         name, flight = options.again.stem, commanded.scenario_of(options.again)
     elif options.scenario:
-        name, flight = scenario_file.load(options.scenario, given)
+        name, flight = scenario_file.load(options.scenario, flight_options.over(options))
     elif given or options.print_scenario:
         name = Path(options.trajectory or 'flight').stem
         flight = scenario_file.from_settings(given)

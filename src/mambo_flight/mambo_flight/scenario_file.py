@@ -42,6 +42,7 @@ from .course import course_file
 from .scenario import ParameterReader, Place
 
 FOLDER = Path(__file__).with_name('scenarios')
+_JUDGED_BY = ('reference_node.commands.', 'reference_node.vehicle.')  # whether a command is flown
 _FLIGHT = re.compile(r'\w[\w.-]{0,99}')  # name of one in a file
 
 
@@ -79,6 +80,22 @@ SETS = {
 """Parameters that a setting, an option or a launch argument of this name gives its value."""
 FIELDS = {field.name: field for field in dataclasses.fields(Settings)}
 WORLD = {f'world.{name}': field for name, field in schema.walk(WorldParams)}
+
+
+def command_limits(values: Mapping[str, Any], where: str) -> dict[str, Place]:
+    """
+    Return those parameters by which the commands of a flight are judged, for :func:`read`.
+
+    Parameters
+    ----------
+    values
+        {'node.parameter': value} that override a scenario once it is read.
+    where
+        Where they were given, such as ``--set``.
+
+    """
+    return {name: Place(value, where) for name, value in values.items()
+            if name in scenarios.LEAVES and name.startswith(_JUDGED_BY)}
 
 
 def contradicted(
@@ -222,7 +239,8 @@ def read(path: Path, over: Mapping[str, Place] | None = None) -> Experiment:
     path
         Scenario file.
     over
-        Settings that replace those of every flight, by name, with their places.
+        Settings that replace those of every flight, by name, with their places; also parameters
+        of :func:`command_limits`, by which the commands of every flight are judged.
 
     Raises
     ------
@@ -232,14 +250,16 @@ def read(path: Path, over: Mapping[str, Place] | None = None) -> Experiment:
     """
     reader = _Reader(Path(path))
     root = reader.root()
-    last = _Layer(_relative_to_user(over or {}, Path(path).parent), {})
+    chosen = {name: place for name, place in (over or {}).items() if name in FIELDS}
+    limits = {name: place for name, place in (over or {}).items() if name not in FIELDS}
+    last = _Layer(_relative_to_user(chosen, Path(path).parent), limits)
     reader.learn(root, {name: place.value for name, place in last.settings.items()})
     keys = reader.mapping(root, 'file')
     if any(name.startswith('/') or name.endswith('_node') for name in keys):
-        if over:
+        if chosen:
             raise schema.ParameterError(
-                f'{path}: a ROS 2 parameter file cannot be combined with {", ".join(over)}')
-        flights = {'': scenarios.from_parameters(path, reader.ros_parameters(keys))}
+                f'{path}: a ROS 2 parameter file cannot be combined with {", ".join(chosen)}')
+        flights = {'': scenarios.from_parameters(path, reader.ros_parameters(keys) | limits)}
         return Experiment(Path(path).stem, '', flights)
     if 'title' not in keys:
         raise schema.ParameterError(f'{path}: title: missing; describe the flight in one line')

@@ -93,6 +93,42 @@ def test_other_bags_are_refused_in_one_line(flown, tmp_path):
         commanded.scenario_of(tmp_path / 'plain')
 
 
+HIGH = """title: high
+flights:
+  one: {commands: [{time: 1.0, takeoff: {height: 4.0}}]}
+  other: {commands: [{time: 1.0, takeoff: {height: 3.5}}]}
+"""
+
+
+@pytest.mark.parametrize(('text', 'name'), [
+    (HIGH, ''), (HIGH, ':other'),
+    ('/mambo/reference_node:\n  ros__parameters:\n    commands: {enabled: true, '
+     "script: '[{time: 1, takeoff: {height: 4}}]'}\n", '')])
+def test_commands_are_judged_by_the_limits_of_the_command_line(tmp_path, capsys, text, name):
+    file = tmp_path / 'high.yaml'
+    file.write_text(text)
+    words = [f'{file}{name}', '--print-scenario']
+    assert fly.main(words) == 2
+    assert 'm is outside [0.5, 3] m' in capsys.readouterr().err
+    for ceiling, code in ((5, 0), (3.2, 2)):
+        assert fly.main([*words, '--set', f'reference_node.commands.ceiling={ceiling}']) == code
+        out, err = capsys.readouterr()
+        assert 'ceiling: 5.0' in out if code == 0 else 'm is outside [0.5, 3.2] m' in err
+
+
+def test_limits_of_the_command_line_may_also_be_lower_or_wrong(tmp_path, capsys):
+    file = tmp_path / 'up.yaml'
+    file.write_text(UP)
+    for given, said in (
+            ('commands.ceiling=0.8', 'height = 1 m is outside [0.5, 0.8] m'),
+            ('commands.ceiling=5000', 'reference_node.commands.ceiling = 5000'),
+            ('commands.ceilin=5', 'reference_node.commands.ceilin: unknown parameter'),
+            ('vehicle.mass=0.2', 'takeoff')):
+        assert fly.main([str(file), '--print-scenario', '--set', f'reference_node.{given}']) == 2
+        err = capsys.readouterr().err
+        assert said in err and err.count('\n') == 1
+
+
 @pytest.mark.parametrize(('commands', 'words'), [
     ('{time: 1, takeoff: {height: 1}}', 'must be a list'),
     ('[{time: 1, takeof: {height: 1}}]', 'mine.yaml:2: commands: command 1: takeof'),
