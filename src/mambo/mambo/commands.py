@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
+import warnings
 
 from mambo_bags.reader import Bag
 from mambo_flight import commanded
@@ -50,12 +51,17 @@ def recorded_commands(bag: Bag | Path | str) -> Scenario:
     """
     Return the scenario of a recorded commanded flight, with the recorded commands as its script.
 
-    :func:`mambo.fly` flies it again, with the same reference to the last bit.
+    :func:`mambo.fly` flies it again, with the same reference to the last bit. A drone of a hall
+    flies alone then, and a warning says so.
 
     Raises
     ------
     InputError
-        If the bag is not one of a commanded flight.
+        If the bag is not one of a commanded flight, or the path is a folder of several bags.
 
     """
-    return commanded.scenario_of(bag.path if isinstance(bag, Bag) else given.path(bag, 'bag'))
+    path = bag.path if isinstance(bag, Bag) else given.path(bag, 'bag')
+    flight = commanded.scenario_of(path)
+    for line in commanded.alone(path):
+        warnings.warn(line, stacklevel=2)
+    return flight

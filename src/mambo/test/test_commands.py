@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import mambo
+from mambo_flight import commanded
 from mambo_ros.commands import client
 import pytest
 
@@ -36,3 +37,10 @@ def test_an_open_bag_is_as_good_as_its_path():
             mambo.recorded_commands(bag)
         said.append(str(error.value))
     assert said[0] == said[1]
+
+
+def test_commands_of_a_drone_of_a_hall_come_with_a_warning(monkeypatch, tmp_path):
+    monkeypatch.setattr(commanded, 'scenario_of', lambda bag: 'its scenario')
+    monkeypatch.setattr(commanded, 'alone', lambda bag: iter(['the others are absent']))
+    with pytest.warns(UserWarning, match='the others are absent'):
+        assert mambo.recorded_commands(tmp_path) == 'its scenario'

@@ -34,6 +34,7 @@ import yaml
 from . import recorded_changes, scenario as scenarios
 from .course import course_file
 from .scenario import ParameterReader, Place, Scenario
+from .world import separation, world_file
 
 _GROUP = 'reference_node.commands'
 _EARLY = 0.1  # s that a recording ends before its flight; of a whole one none or a step
@@ -88,20 +89,27 @@ def commands_of(bag: Path, namespace: str = topics.NAMESPACE) -> list[FlightComm
     return [decode(data) for _, _, data in recorded(bag, {name})]
 
 
-def scenario_of(bag: Path, namespace: str = topics.NAMESPACE) -> Scenario:
+def scenario_of(bag: Path) -> Scenario:
     """
     Return the scenario of a recorded flight, with the recorded commands and changes as its script.
 
     Flown in lockstep or in one process, it gives the reference of the recorded flight to the last
-    bit, and all of a flight in lockstep.
+    bit, and all of a flight in lockstep. Of a drone of a hall it is the scenario of this drone
+    alone, and the reference is equal; see :func:`alone`.
 
     Raises
     ------
     InputError
-        If the bag holds no scenario, or one without commands and changes of parameters.
+        If the path is the folder of several bags, or the bag holds no scenario, or one without
+        commands and changes of parameters.
 
     """
-    found = read_bag(bag, recorded_changes.RECORD, namespace)
+    if separation.is_folder(bag):
+        first = min(file.parent for file in bag.glob('*/metadata.yaml'))
+        raise InputError(
+            f'{bag}: holds the bags of several drones, and one is flown again at a time, alone: '
+            f'name its bag, such as {first}')
+    found = read_bag(bag, recorded_changes.RECORD)
     text = found.attachments.get('scenario.yaml')
     if text is None:
         raise InputError(f'{bag}: holds no scenario.yaml: it was not recorded by ./run')
@@ -109,15 +117,25 @@ def scenario_of(bag: Path, namespace: str = topics.NAMESPACE) -> Scenario:
     again: dict[str, Any] = recorded_changes.changes_of(found)
     again['sim_node.paused'] = False  # nobody may be there to go on
     if flight.reference_node.commands.enabled:
-        again[f'{_GROUP}.script'] = script.to_text(commands_of(bag, namespace))
+        again[f'{_GROUP}.script'] = script.to_text(
+            commands_of(bag, found.namespace or topics.NAMESPACE))
     elif not any(again.values()):
         raise InputError(f'{bag}: is not a commanded flight, and no parameter changed in it')
     return scenarios.override(flight, again)
 
 
-def beyond(bag: Path, flight: Scenario, namespace: str = topics.NAMESPACE) -> Iterator[str]:
+def alone(bag: Path) -> Iterator[str]:
+    """Yield a line if a recorded drone shared a hall with others, which are not flown again."""
+    found = read_bag(bag, ())
+    if world_file.NAME in found.attachments:
+        yield (f'{bag}: {found.namespace} shared its hall with other drones; they are absent now, '
+               'and so are their downwash, the markers that they hid or swapped, and the stop '
+               'after a collision')
+
+
+def beyond(bag: Path, flight: Scenario) -> Iterator[str]:
     """Yield a line if a flight goes on after the end of the recording whose commands it has."""
-    end = read_bag(bag, (topics.CLOCK.name,), namespace).end * 1e-9
+    end = read_bag(bag, (topics.CLOCK.name, topics.CLOCK.name[1:])).end * 1e-9
     duration = flight.sim_node.duration
     if end < duration - _EARLY:
         yield (f'{bag} ends at {end:.3f} s, and this flight at {duration:g} s: it has no command '

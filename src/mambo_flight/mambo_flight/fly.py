@@ -153,8 +153,9 @@ def _run(options: argparse.Namespace) -> None:
     recording_to_bag.check(flight)
     for line in flight_options.remarks(flight, options.stretch, options.trajectory):
         print(line)
-    for line in commanded.beyond(options.again, flight) if options.again else ():
-        print(line)
+    if options.again:
+        for line in (*commanded.alone(options.again), *commanded.beyond(options.again, flight)):
+            print(line)
     world = flight_options.world(options)
     if world.drones > 1:
         drones = formation.hall(flight, world, timed)
@@ -264,7 +265,8 @@ def parser() -> Parser:
         help='an experiment, experiment/flight, or a file')
     out.add_argument(
         '--again', type=Path, metavar='BAG',
-        help='a recorded commanded flight, with the commands that it recorded')
+        help='a recorded commanded flight, with the commands that it recorded; of a hall, the '
+             'bag of one drone, which flies alone')
     out.add_output('BAG', 'directory of the bag to create, of several drones: that of their bags')
     flight_options.add(out)
     return out

@@ -4,10 +4,12 @@ from mambo_bags.reader import read_bag
 from mambo_control.commanded import script
 from mambo_flight import closed_loop, commanded, fly, recording_to_bag, scenario_file
 from mambo_flight.scenario import override, scenario
+from mambo_flight.world import formation, world_file
 from mambo_model.errors import InputError
 from mambo_model.motion import flight_command as fc
 from mambo_model.motion.trajectory import GROUND, LANDED, LANDING, TAKEOFF, TRACK
 from mambo_model.schema import ParameterError
+from mambo_sim.world import WorldParams
 import numpy as np
 import pytest
 
@@ -67,6 +69,23 @@ def test_a_bag_holds_the_commands_and_they_give_the_flight_again(flown, bag):
     again = closed_loop.fly(commanded.scenario_of(bag), inner=True)  # compiled already
     for name in ('reference', 'truth', 'pwm', 'phase'):
         assert np.array_equal(getattr(r, name), getattr(again, name)), name
+
+
+def test_a_drone_of_a_hall_is_flown_again_alone(flown, bag, tmp_path):
+    """Only reference and commands are of the recorded drone for certain."""
+    flight, r = flown
+    hall = formation.hall(flight, WorldParams(drones=2)).hall
+    for space in hall.places:
+        recording_to_bag.write(
+            tmp_path / space[1:], flight, r, space, world_file.to_text(hall))
+    two = tmp_path / 'mambo2'
+    again = commanded.scenario_of(two)
+    assert again == commanded.scenario_of(bag)
+    line, = commanded.alone(two)
+    assert line.startswith(f'{two}: /mambo2 shared its hall with other drones; they are absent')
+    assert list(commanded.alone(bag)) == list(commanded.beyond(two, again)) == []
+    with pytest.raises(InputError, match=f'bags of several drones.* such as {tmp_path}/mambo1'):
+        commanded.scenario_of(tmp_path)
 
 
 def test_a_flight_that_goes_on_after_its_recording_is_told(bag):

@@ -104,11 +104,12 @@ def test_a_recorded_flight_is_flown_again_with_its_commands(tmp_path, flown, fil
                                                             capsys):
     bags = []
     monkeypatch.setattr(fly.commanded, 'scenario_of', lambda bag: bags.append(bag) or scenario())
+    monkeypatch.setattr(fly.commanded, 'alone', lambda bag: [f'{bag} is of a hall'])
     monkeypatch.setattr(fly.commanded, 'beyond', lambda bag, flight: [f'{bag} ends early'])
     out = ['-o', str(tmp_path / 'bag')]
     assert fly.main(['--again', 'bags/mine', '--set', 'sim_node.duration=7', *out]) == 0
     assert str(bags[0]) == 'bags/mine' and flown[0].sim_node.duration == 7.0
-    assert 'bags/mine ends early' in capsys.readouterr().out
+    assert 'bags/mine is of a hall\nbags/mine ends early\n' in capsys.readouterr().out
     for more in ([file], ['--seed', '2']):
         assert fly.main(['--again', 'bags/mine', *more, '-o', str(tmp_path / 'b')]) == 2
         assert 'leave out SCENARIO' in capsys.readouterr().err
