@@ -16,7 +16,8 @@ DESCENDING_BLIND  attitude or height lost for longer             its own descent
                                                                  vehicle believed to be lighter
 STOPPED           touched down; a limit exceeded; a crash; lost  nothing: the motors stand still
                   for longer before take-off or after landing;
-                  not aligned at take-off
+                  not aligned at take-off; at rest on the floor
+                  while the reference climbs
 ================  =============================================  ================================
 
 HOLDING can return to FLYING. A landing is final: a reference that returns is not followed, because
@@ -32,6 +33,12 @@ are position and velocity that stay the same, if it turns and they move, or the 
 ``FAR``, and a position that does while its velocity adds up to ``FAR``. After ``STUCK`` the
 prediction takes the place of what is old; after ``hold`` it is lost.
 Position and velocity return to a blind descent when they have been new for ``hold``.
+
+**On the floor.** An estimator that knows that the vehicle is at rest repeats position, velocity 0
+and attitude, too, but its variances go on. If the reference goes ``FAR`` from such an estimate,
+the vehicle has not followed it off the floor: the motors stop, with a reason of its own. An
+estimator that takes a vehicle in the air for one at rest, as with an accelerometer that has been
+stuck since before the alignment, looks the same from here.
 
 **Descent.** From the initial position, velocity and yaw, the velocity blends to ``descent_speed``
 straight down within ``deceleration``, four times continuously differentiable, and the reference
@@ -72,7 +79,7 @@ from . import controllers
 from .command import Command
 from .safety import (
     LARGEST, REASON_ALIGNMENT, REASON_CONTROLLER, REASON_CRASH, REASON_ESTIMATE,
-    REASON_NONE, REASON_REFERENCE, usable, usable_reference)
+    REASON_GROUNDED, REASON_NONE, REASON_REFERENCE, usable, usable_reference)
 
 FLYING, HOLDING, LANDING, DESCENDING_BLIND, STOPPED = range(5)
 STAGES = ('flying', 'holding', 'landing', 'descending blind', 'motors shut down')
@@ -80,7 +87,9 @@ REASONS = (
     '', 'tilt limit', 'height limit', 'estimate lost or unusable',
     'reference lost or unusable',
     'crash: attitude, body rate or velocity far from what is asked for',
-    'estimator not aligned: let the vehicle rest, start again', 'controller failed')
+    'estimator not aligned: let the vehicle rest, start again', 'controller failed',
+    'stayed on the floor below its reference, by its estimate: thrust too small; check mass, '
+    'motor map and controller')
 
 SHORTEST_BLEND = 0.5  # s, shortest time in which a descent reaches its speed
 SETTLING = 0.5  # s after that, before a vehicle that does not sink counts as being on the floor
@@ -199,6 +208,8 @@ class Watch(NamedTuple):
     stuck: float  # s for which all of it has
     asked: Vec3  # m, where the reference was when position or velocity last changed, inertial NED
     new: float  # s since it was old
+    spread: Spread  # the last variances
+    rests: float  # s for which position, velocity 0 and attitude have, but not the variances
 
 
 class Memory(NamedTuple):
@@ -239,7 +250,7 @@ def begin(gains: controllers.Gains) -> Memory:
         control, FLYING, REASON_NONE, 0.0, 0.0, 0.0, _REST, _POINT, trajectory.GROUND,
         Shown(0.0, 0.0), Descent(_ZERO, _ZERO, 0.0, 0.0, 0.0),
         controllers.stopped(control, REASON_NONE),
-        Watch(_REST, 0.0, _ZERO, 0.0, 0.0, _ZERO, math.inf))
+        Watch(_REST, 0.0, _ZERO, 0.0, 0.0, _ZERO, math.inf, EXACT, 0.0))
 
 
 def describe(stage: int, reason: int) -> str:
@@ -478,7 +489,7 @@ def _follow(
 
 @jit
 def _watched(
-    w: Watch, state: State, rho: Vec3, aloft: bool, dt: float,
+    w: Watch, state: State, spread: Spread, rho: Vec3, aloft: bool, dt: float,
 ) -> tuple[Watch, float, float]:
     """
     Return the watch after one more estimate, whose reference is at rho, and how old it is.
@@ -491,15 +502,17 @@ def _watched(
     same = same and w.state.nu == state.nu
     still = w.still + dt if same else 0.0
     asked = w.asked if same else rho
-    same = same and w.state.q == state.q and w.state.omega == state.omega
-    stuck = w.stuck + dt if same else 0.0
+    same = same and w.state.q == state.q
+    at_rest = same and w.spread != spread and norm(state.nu) <= STANDING
+    rests = w.rests + dt if at_rest else 0.0
+    stuck = w.stuck + dt if same and w.state.omega == state.omega else 0.0
     rate, away, limit = norm(state.omega), norm(sub(rho, asked)), STUCK + 0.5 * dt
     moves = rate > TURNING and norm(state.nu) > STANDING
     attitude = stuck if stuck > limit and (moves or rate > QUIET and away > AWAY) else 0.0
     motion = still if still > limit and (moves or rate > QUIET and away > FAR) else 0.0
     old = max(attitude, motion, 0.0 if norm(gone) <= FAR else held)
     new = 0.0 if old > 0.0 else w.new + dt
-    return Watch(state, held, gone, still, stuck, asked, new), attitude, old
+    return Watch(state, held, gone, still, stuck, asked, new, spread, rests), attitude, old
 
 
 @jit_inside
@@ -559,7 +572,9 @@ def step(
     hold = p.hold + 0.5 * dt  # whole steps, whatever their sum is rounded to
     complete = have.attitude and have.vertical and have.horizontal
     estimate_lost = 0.0 if complete else memory.estimate_lost + dt
-    watch, old_attitude, old = _watched(memory.watch, state, ref.rho, aloft, dt)
+    watch, old_attitude, old = _watched(memory.watch, state, spread, ref.rho, aloft, dt)
+    if memory.stage <= HOLDING and old > hold and watch.rests >= watch.still > 0.0:
+        return _stop(memory, REASON_GROUNDED)
     if old > 0.0 or memory.stage == DESCENDING_BLIND and watch.new <= hold:
         have, complete = Known(have.attitude and old_attitude == 0.0, False, False), False
         estimate_lost = max(estimate_lost, old if old > hold else 0.0)

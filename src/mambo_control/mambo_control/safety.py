@@ -20,6 +20,7 @@ REASON_REFERENCE = 4
 REASON_CRASH = 5
 REASON_ALIGNMENT = 6
 REASON_CONTROLLER = 7
+REASON_GROUNDED = 8
 
 LARGEST = 1e6  # of any component in SI units; keeps every product of the controller finite
 

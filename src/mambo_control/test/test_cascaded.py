@@ -286,7 +286,7 @@ def test_codes_are_those_of_the_messages():
             rf'^uint8 ({prefix}\w+) *= *(\d+)', text, re.MULTILINE)}
 
     reasons = constants('MotorPwm', 'REASON_')
-    assert len(reasons) == 8
+    assert len(reasons) == 9
     assert {name: getattr(safety, name) for name in reasons} == reasons
     phases = constants('Reference', 'PHASE_')
     assert list(phases.values()) == [GROUND, TAKEOFF, TRACK, LANDING, LANDED]

@@ -145,6 +145,38 @@ def test_position_and_velocity_that_stay_the_same_are_lost_while_the_attitude_li
     assert lost == (HOLD + 1 if any(v) else 76)  # at rest: once the reference is 0.3 m away
 
 
+@pytest.mark.parametrize(('lives', 'tilts', 'grounded'), [
+    (True, 0.0, True), (False, 0.0, False), (True, 1e-6, False)])
+def test_of_an_estimate_at_rest_below_its_reference_only_one_that_lives_is_on_the_floor(
+        lives, tilts, grounded):
+    one = Controller()
+    for k in range(120):
+        state = State(ZERO, ZERO, from_euler(tilts * k, 0.0, 0.0), (0.02, 1e-5 * k, 0.0))
+        spread = Spread(1e-5, 1e-5, 1e-6, 1e-5, 1e-6 * (1 + k * lives))
+        command = one.answer(
+            state, reference((0.0, 0.0, -0.004 * k)), phase=TAKEOFF, spread=spread)
+        assert (one.stage == FLYING) == (k <= 75)  # 0.3 m below the reference
+        if grounded and k > 75:
+            assert (one.stage, command.reason) == (STOPPED, safety.REASON_GROUNDED)
+            assert command.shutdown and not any(command.pwm)
+        elif k > 75:  # the prediction is soon on the floor
+            assert one.stage in (DESCENDING_BLIND, STOPPED)
+            assert command.reason == safety.REASON_ESTIMATE
+
+
+@pytest.mark.parametrize('law', LAWS)
+def test_an_estimate_that_is_missing_or_unsure_on_the_floor_is_lost_and_not_grounded(law):
+    for state, spread, reason in (
+            (NO_STATE, EXACT, safety.REASON_ESTIMATE),
+            (hovering(0.0), Spread(0.0, 1.1, 0.0), safety.REASON_ESTIMATE)):
+        one = Controller(law)
+        one.answer(hovering(0.0), reference(ZERO), phase=GROUND)
+        for k in range(HOLD + 2):
+            command = one.answer(
+                state, reference((0.0, 0.0, -0.004 * k)), phase=TAKEOFF, spread=spread)
+        assert (one.stage, command.reason) == (DESCENDING_BLIND, reason)
+
+
 def test_a_position_that_stays_the_same_while_its_velocity_leads_away_is_lost():
     one, lost = Controller(), None
     for k in range(200):

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+import math
 import re
 from typing import Any
 
 from mambo_bags.mcap_reader import BagError
 from mambo_bags.reader import Bag
 from mambo_control.failsafe import REASONS, STAGES
+from mambo_control.safety import REASON_ESTIMATE, REASON_GROUNDED
 from mambo_estimation.capture.report import longest
 from mambo_model.motion.flight_command import SETPOINT
 from mambo_model.motion.height_check import DROP, flight_fault, idle_fault, over_in_the_air
+from mambo_model.motion.rigid_body import LIFTED
 from mambo_model.motion.trajectory import in_flight, LANDED, LANDING
 from mambo_model.script import python
 from mambo_signals.resample import Ints
@@ -111,6 +114,37 @@ def _newest(stamps: Ints, at: Ints) -> Ints:
     return np.where(found >= 0, order[found], -1)
 
 
+def _height(bag: Bag, stamp: int) -> float:
+    """Return the true height above the floor at a time in ns, m; NaN without the truth."""
+    if 'ground_truth/odom' not in bag or not len(bag['ground_truth/odom']):
+        return math.nan
+    truth = bag['ground_truth/odom']
+    newest = int(_newest(truth.stamp, np.array([stamp]))[0])
+    return float(truth.position[max(newest, 0), 2])
+
+
+def reason_in_words(bag: Bag, stamp: int, reason: int) -> str:
+    """
+    Return a reason of ``motor_pwm`` in words, as far as it is known.
+
+    The controller that stops on the floor knows the height by its estimate alone. Where the bag
+    has the truth and the vehicle was above the floor, the estimate was lost.
+
+    Parameters
+    ----------
+    bag
+        Of :func:`mambo_bags.reader.read_bag`.
+    stamp : ns
+        When the reason was given first.
+    reason
+        ``MotorPwm.REASON_*``.
+
+    """
+    if reason == REASON_GROUNDED and _height(bag, stamp) > LIFTED:
+        reason = REASON_ESTIMATE
+    return REASONS[reason] if 0 <= reason < len(REASONS) else f'reason {reason}'
+
+
 def _shut_down(bag: Bag, told: Sequence[str]) -> str:
     """
     Return when the controller shut the motors down in flight, or ''.
@@ -128,12 +162,11 @@ def _shut_down(bag: Bag, told: Sequence[str]) -> str:
     said = f'the controller shut the motors down at {t:.3f} s'
     if not told:
         return said
-    if any(STAGES[-1] in line for line in told) or 'ground_truth/odom' not in bag:
+    if any(STAGES[-1] in line for line in told):
         return ''
-    truth = bag['ground_truth/odom']
-    newest = int(_newest(truth.stamp, motors.stamp[[row]])[0])
-    height = float(truth.position[max(newest, 0), 2])
-    why = f': {REASONS[reason]}' if 0 < reason < len(REASONS) else ''
+    stamp = int(motors.stamp[row])
+    height = _height(bag, stamp)
+    why = f': {reason_in_words(bag, stamp, reason)}' if 0 < reason < len(REASONS) else ''
     return f'{said}, {height:.2f} m above the floor{why}' if height > DROP else ''
 
 
@@ -154,6 +187,10 @@ def statuses(bag: Bag) -> Iterator[tuple[float, Any]]:
             t = report.header.stamp.sec + report.header.stamp.nanosec * 1e-9
             for status in report.status:
                 status.name = status.name.removeprefix(own)
+                if REASONS[REASON_GROUNDED] in status.message:
+                    status.message = status.message.replace(
+                        REASONS[REASON_GROUNDED],
+                        reason_in_words(bag, round(t * 1e9), REASON_GROUNDED))
                 yield t, status
 
 

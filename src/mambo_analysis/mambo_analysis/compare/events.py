@@ -6,12 +6,11 @@ import math
 from typing import Any, NamedTuple
 
 from mambo_bags.reader import Bag, BagError
-from mambo_control.failsafe import REASONS
 from mambo_estimation import health
 from mambo_signals.metrics import Floats
 import numpy as np
 
-from .ending import statuses
+from .ending import reason_in_words, statuses
 from .verdict import AIDING
 
 MOST = 60  # events of a bag, the first ones
@@ -82,8 +81,7 @@ def _failsafe(bag: Bag) -> list[Event]:
     for k in np.flatnonzero(np.diff(state, axis=0, prepend=[[0, 0]]).any(axis=1))[:MOST]:
         reason, stopped = state[k].tolist()
         # without the advice after it, such as to start again
-        why = (REASONS[reason].partition(':')[0] if 0 <= reason < len(REASONS)
-               else f'reason {reason}')
+        why = reason_in_words(bag, int(motors.stamp[k]), reason).partition(':')[0]
         if why or stopped:
             out.append(Event(float(motors.t[k]), 'bad', 'failsafe: ' + ': '.join(filter(None, (
                 'motors shut down' if stopped else 'holding or landing', why)))))

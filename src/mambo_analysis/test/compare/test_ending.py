@@ -2,8 +2,11 @@
 
 from mambo_analysis.compare.ending import (
     ended_early, ended_in_the_air, landed_by_itself, without_poses)
+from mambo_analysis.compare.events import events
 from mambo_bags.reader import read_bag
 from mambo_bags.writer import BagWriter
+from mambo_control.failsafe import describe, REASONS, STOPPED
+from mambo_control.safety import REASON_ESTIMATE, REASON_GROUNDED
 from mambo_model.motion import flight_command as fc
 from mambo_model.motion.flatness import Reference
 from mambo_model.motion.rigid_body import State
@@ -135,6 +138,22 @@ def test_a_shutdown_above_the_floor_after_a_failsafe_is_told(tmp_path, height, r
                  reason=reason, line=(blind,) * 3)
     assert ended_early(flight) == [f'controller_node at 1.000 s: {blind}'] + (
         [] if told is None else [f'the controller shut the motors down at 2.000 s{told}'])
+
+
+@pytest.mark.parametrize(('height', 'why'), [
+    (0.0, REASONS[REASON_GROUNDED]), (0.4, REASONS[REASON_ESTIMATE])])
+def test_a_vehicle_on_the_floor_by_its_estimate_was_lost_if_the_truth_has_it_in_the_air(
+        tmp_path, height, why):
+    told = describe(STOPPED, REASON_GROUNDED)
+    flight = bag(tmp_path / 'bag', 'controller_node', diagnostics.ERROR, height=height, down=True,
+                 reason=REASON_GROUNDED, line=(told,) * 3)
+    line = f'motors shut down: {why}'
+    assert ended_early(flight) == [f'controller_node at 1.000 s: {line}']
+    said = [event.text for event in events(flight)]
+    assert f'controller_node: {line}' in said
+    assert f'failsafe: motors shut down: {why.partition(":")[0]}' in said
+    unknown = bag(tmp_path / 'real', 'controller_node', diagnostics.ERROR, line=(told,) * 3)
+    assert ended_early(unknown) == [f'controller_node at 1.000 s: {told}']
 
 
 def test_a_controller_that_gives_up_after_the_landing_ends_nothing(tmp_path):

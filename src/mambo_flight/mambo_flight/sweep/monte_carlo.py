@@ -14,6 +14,7 @@ import time
 from typing import Any, NamedTuple
 
 from mambo_control import controllers, failsafe
+from mambo_control.safety import REASON_ESTIMATE, REASON_GROUNDED
 from mambo_control.commanded.evaluation import CommandedValues, reference_step
 from mambo_model.compiled import jit
 from mambo_model.motion.height_check import (
@@ -98,7 +99,8 @@ def count(
     pwm : (4,) PWM
         Motor commands.
     stopped, reason
-        Whether the motors are shut down, and why.
+        Whether the motors are shut down, and why. ``REASON_GROUNDED`` above the floor counts as
+        ``REASON_ESTIMATE``.
     limits : (2,) PWM
         Within which the motors are not saturated, of :func:`_limits`.
     thrust : (4,) N
@@ -112,6 +114,8 @@ def count(
     effort = a.effort
     for x in thrust:
         effort += x * math.sqrt(x)
+    if reason == REASON_GROUNDED and (-truth[2] > LIFTED or a.reason == REASON_ESTIMATE):
+        reason = REASON_ESTIMATE  # by the truth it was not on the floor when it stopped
     at = a.stopped_at
     if stopped and math.isnan(at) and phase != LANDED:
         at = t

@@ -5,6 +5,7 @@ import math
 
 from hypothesis import given, settings, strategies as st
 from mambo_control import failsafe
+from mambo_control.safety import REASON_ESTIMATE, REASON_GROUNDED
 from mambo_flight import closed_loop
 from mambo_flight.scenario import replaced, scenario
 from mambo_flight.sweep import monte_carlo
@@ -122,6 +123,25 @@ def test_a_flight_on_the_floor_below_its_reference_has_fallen():
     assert row['fallen'] and not row['shutdown']
     assert monte_carlo.fly_with_sensors(heavy)['fallen']
     assert not monte_carlo.fly_with_sensors(TRUTH)['fallen']
+
+
+def test_a_vehicle_that_cannot_leave_the_floor_is_told_and_its_estimate_is_not_lost():
+    heavy = scenario('hover', 'joint', land=False, duration=4.0, overrides={
+        'sim_node.simulator.vehicle.mass': 0.2})
+    row = monte_carlo.fly_with_sensors(heavy)
+    assert row['shutdown_reason'] == failsafe.REASONS[REASON_GROUNDED]
+    assert row['shutdown_time'] < 2.35 and monte_carlo.never_took_off(row)
+
+
+@pytest.mark.parametrize(('height', 'reason'), [(0.005, REASON_GROUNDED), (0.4, REASON_ESTIMATE)])
+def test_a_vehicle_in_the_air_that_is_on_the_floor_by_its_estimate_has_lost_it(height, reason):
+    tally = monte_carlo.START
+    for k, high in enumerate((height, height, 0.0)):  # it falls
+        tally = monte_carlo.count(
+            tally, 0.005 * k, (0.0, 0.0, -high), (0.0,) * 3, (0.0, 0.0, -0.3), 2, (0.0,) * 4,
+            k > 0, REASON_GROUNDED if k else 0, (10.0, 500.0), (0.0,) * 4)
+    row = monte_carlo.metrics(tally, Vehicle())
+    assert row['shutdown_reason'] == row['failsafe'] == failsafe.REASONS[reason]
 
 
 def test_a_flight_that_ends_in_the_hands_of_the_failsafe_is_told():
