@@ -236,13 +236,13 @@ def _fly_and_report(
         from .compiling import compile_ahead  # imports all nodes, as `load` has
         compile_ahead(flights[spaces[0]])
     bags = {space: bag if len(spaces) == 1 else bag / space.strip('/') for space in spaces}
-    problem: FlightError | None = None
+    told: list[str] = []
     try:
         outcomes = fly_several(
             flights, {space: path.absolute() for space, path in bags.items()},
             composed, tuple(dict.fromkeys(options.without)), options.natnet, options.view, hall)
     except FlightEndedError as error:
-        problem, outcomes = error, error.outcomes
+        told, outcomes = [str(error)], error.outcomes
     stopped = outcomes[0].stopped
     for space, outcome in zip(spaces, outcomes, strict=True):
         if len(spaces) > 1:
@@ -250,14 +250,15 @@ def _fly_and_report(
         reasons = _print_outcome(outcome, bags[space], options.no_report)
         if options.natnet and outcome.closed and outcome.flown:
             reasons += _without_poses(bags[space], flights[space])
-        problem = problem or (FlightError(reasons[0]) if reasons else None)
+        told += [reason if len(spaces) == 1 or reason in told else f'{space}: {reason}'
+                 for reason in reasons]
     if hall is not None:
         _print_hall(outcomes[0])
-        problem = _print_separation(bag, outcomes, hall, options.no_report) or problem
+        told = _print_separation(bag, outcomes, hall, options.no_report) + told
     if stopped:
         raise KeyboardInterrupt(stopped)
-    if problem:
-        raise problem
+    if told:
+        raise FlightError('; '.join(dict.fromkeys(told)))
 
 
 def _without_poses(bag: Path, flight: scenarios.Scenario) -> list[str]:
@@ -279,8 +280,8 @@ def _print_hall(outcome: Outcome) -> None:
 
 def _print_separation(
     bag: Path, outcomes: list[Outcome], hall: Hall, no_report: bool,
-) -> FlightError | None:
-    """Print the separation of drones, draw it, print collisions; return the first of these."""
+) -> list[str]:
+    """Print the separation of drones, draw it, print collisions; return these."""
     if all(outcome.closed and outcome.flown for outcome in outcomes):
         found = separation.pairs(separation.read([bag])[0])
         print(separation.table(found, hall.params.collision_distance))
@@ -292,7 +293,7 @@ def _print_separation(
             print(f"page: {separation_page.write(bag / 'index.html', bag)}")
     collisions = outcomes[0].collisions
     print(*collisions, sep='\n', end='\n' if collisions else '')
-    return FlightError(collisions[0]) if collisions else None
+    return collisions
 
 
 def _print_outcome(outcome: Outcome, bag: Path, no_report: bool) -> list[str]:

@@ -293,6 +293,26 @@ def test_ctrl_c_after_all_was_flown_or_before_ends_without_a_report(
     assert len(asked) == reports
 
 
+@pytest.mark.parametrize(('drones', 'raises', 'line'), [
+    (1, False, 'low; far'), (1, True, 'node died; low; far'),
+    (2, True, 'node died; /mambo1: low; /mambo1: far; /mambo2: low; /mambo2: far')])
+def test_the_last_line_names_every_reason_once(
+        tmp_path, monkeypatch, capsys, drones, raises, line):
+    fault = 'node died' if raises else ''
+
+    def fly(flights, bags, *_):
+        ended = [Outcome(tmp_path, 4.0, 1.0, 0, '', None, {}, {}, True, fault) for _ in flights]
+        if raises:
+            raise outcomes.FlightEndedError(ended)
+        return ended
+    monkeypatch.setattr(command, 'fly_several', fly)
+    monkeypatch.setattr(command, '_print_outcome', lambda outcome, *_: [
+        *([outcome.fault] if outcome.fault else []), 'low', 'far'])
+    monkeypatch.setattr(command, '_print_separation', lambda *_: [])
+    assert command.main(['--drones', str(drones), '-o', str(tmp_path / 'bag')]) == 1
+    assert capsys.readouterr().err == f'run: {line}\n'
+
+
 def test_a_bag_that_is_not_closed_is_a_failure_even_if_no_node_complained(tmp_path):
     outcome = Outcome(tmp_path, 0.0, 0.0, 0, '', None, {}, {}, False)
     assert command._print_outcome(outcome, tmp_path, no_report=True) == [
