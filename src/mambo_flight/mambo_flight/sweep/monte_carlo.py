@@ -14,8 +14,8 @@ import time
 from typing import Any, NamedTuple
 
 from mambo_control import controllers, failsafe
-from mambo_control.safety import REASON_ESTIMATE, REASON_GROUNDED
 from mambo_control.commanded.evaluation import CommandedValues, reference_step
+from mambo_control.safety import REASON_ESTIMATE, REASON_GROUNDED
 from mambo_model.compiled import jit
 from mambo_model.motion.height_check import (
     AWAY, DROP, FAR, hits_floor, lies_below, LONG, LOW, too_far)
