@@ -35,8 +35,8 @@ prediction takes the place of what is old; after ``hold`` it is lost.
 Position and velocity return to a blind descent when they have been new for ``hold``.
 
 **On the floor.** An estimator that knows that the vehicle is at rest repeats position, velocity 0
-and attitude, too, but its variances go on. If the reference goes ``FAR`` from such an estimate,
-the vehicle has not followed it off the floor: the motors stop, with a reason of its own. An
+and attitude, too, but its variances go on. If the reference goes ``FAR`` from such an estimate
+on the floor, the vehicle has not followed it: the motors stop, with a reason of its own. An
 estimator that takes a vehicle in the air for one at rest, as with an accelerometer that has been
 stuck since before the alignment, looks the same from here.
 
@@ -68,7 +68,7 @@ from mambo_model.compiled import jit, jit_inside
 from mambo_model.motion import trajectory
 from mambo_model.motion.flatness import from_flat_output_yaw, Reference
 from mambo_model.motion.quaternion import IDENTITY, is_unit, rotate, rotate_inverse, to_euler
-from mambo_model.motion.rigid_body import rk4_step, State
+from mambo_model.motion.rigid_body import LIFTED, rk4_step, State
 from mambo_model.motion.vector import add, dot, norm, scale, sub, Vec3
 from mambo_model.schema import quantity
 from mambo_model.values import Parameters, values_type
@@ -573,7 +573,8 @@ def step(
     complete = have.attitude and have.vertical and have.horizontal
     estimate_lost = 0.0 if complete else memory.estimate_lost + dt
     watch, old_attitude, old = _watched(memory.watch, state, spread, ref.rho, aloft, dt)
-    if memory.stage <= HOLDING and old > hold and watch.rests >= watch.still > 0.0:
+    if (memory.stage <= HOLDING and old > hold and watch.rests >= watch.still > 0.0
+            and -state.rho[2] < LIFTED):
         return _stop(memory, REASON_GROUNDED)
     if old > 0.0 or memory.stage == DESCENDING_BLIND and watch.new <= hold:
         have, complete = Known(have.attitude and old_attitude == 0.0, False, False), False

@@ -145,17 +145,21 @@ def test_position_and_velocity_that_stay_the_same_are_lost_while_the_attitude_li
     assert lost == (HOLD + 1 if any(v) else 76)  # at rest: once the reference is 0.3 m away
 
 
-@pytest.mark.parametrize(('lives', 'tilts', 'grounded'), [
-    (True, 0.0, True), (False, 0.0, False), (True, 1e-6, False)])
+@pytest.mark.parametrize(('lives', 'tilts', 'height', 'grounded'), [
+    (True, 0.0, 0.0, True), (False, 0.0, 0.0, False), (True, 1e-6, 0.0, False),
+    (True, 0.0, 1.5, False)])
 def test_of_an_estimate_at_rest_below_its_reference_only_one_that_lives_is_on_the_floor(
-        lives, tilts, grounded):
+        lives, tilts, height, grounded):
+    """One that rests high above the floor has lost its samples: the motors must not stop there."""
     one = Controller()
     for k in range(120):
-        state = State(ZERO, ZERO, from_euler(tilts * k, 0.0, 0.0), (0.02, 1e-5 * k, 0.0))
+        state = State((0.0, 0.0, -height), ZERO, from_euler(tilts * k, 0.0, 0.0),
+                      (0.02, 1e-5 * k, 0.0))
         spread = Spread(1e-5, 1e-5, 1e-6, 1e-5, 1e-6 * (1 + k * lives))
         command = one.answer(
-            state, reference((0.0, 0.0, -0.004 * k)), phase=TAKEOFF, spread=spread)
+            state, reference((0.0, 0.0, -height - 0.00399 * k)), phase=TAKEOFF, spread=spread)
         assert (one.stage == FLYING) == (k <= 75)  # 0.3 m below the reference
+        assert not (height and command.shutdown)
         if grounded and k > 75:
             assert (one.stage, command.reason) == (STOPPED, safety.REASON_GROUNDED)
             assert command.shutdown and not any(command.pwm)
