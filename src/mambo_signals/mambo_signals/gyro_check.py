@@ -33,6 +33,12 @@ SURE = 0.8          # correlation of an axis that tells its unit, of two that te
 OTHER = (0.7, 0.3)  # mean correlation of the axes of another order, and how much it exceeds theirs
 ASKEW = 0.21        # rad about z between the axes of both; 0.16 at most in 102 real flights
 RIVAL = 1.3         # [-] unexplained variance without lateness over that with it, at least
+NEAR, NEAR_STEP = 0.06, 0.02  # s, lateness at which two rates still count as at the same time
+SHOWN = 0.6  # correlation that noise must allow: by chance nine windows of noise have 0.4
+PART = 0.5
+"""Part of the correlation that noise allows, below which two do not turn alike. It is 0.87 to
+0.98 in 12 real flights with their own capture, 0.01 to 0.17 in nine real pairs of two flights."""
+CONFIRMED = 0.8  # the part from which they do
 
 
 class Turning(NamedTuple):
@@ -59,6 +65,84 @@ class Turning(NamedTuple):
     cross: Floats
 
 
+class Together(NamedTuple):
+    """
+    Rates of a gyro and of a tracked attitude, of all three axes together.
+
+    Attributes
+    ----------
+    correlation
+        At most ``NEAR`` apart in time.
+    possible
+        What it would be if both had the larger turning in common, 0 to 1: less than 1 by noise.
+    sigma
+        Standard error of a correlation of 0: one over the root of the independent samples, one
+        for each axis and window.
+
+    """
+
+    correlation: float
+    possible: float
+    sigma: float
+
+    @property
+    def differ(self) -> bool:
+        """Return whether they show two motions."""
+        return self.possible >= SHOWN and (
+            self.correlation + 2.0 * self.sigma < PART * self.possible)
+
+    @property
+    def confirmed(self) -> bool:
+        """Return whether they show one motion."""
+        return self.possible >= SHOWN and self.correlation >= CONFIRMED * self.possible
+
+
+def together(t: Floats, gyro: Floats, times: Floats, q: Floats) -> Together | None:
+    """
+    Return how alike a gyro and a tracked attitude turn on one clock; None if they do not overlap.
+
+    How much of each is turning and not noise is the correlation of rates by every other sample
+    with those by the rest (the reliability of halves, Spearman 1910, without his correction for
+    their length, which is on the safe side).
+
+    Parameters as of :func:`compare`.
+    """
+    t, gyro, times, q = _usable(t, gyro, times, q)
+    at, rates = body_rates(times, q, window=WINDOW)
+    if len(t) < 2 or not len(at):
+        return None
+    smooth = _smooth(t, gyro, t)
+    kept = np.isfinite(smooth).all(axis=1)
+    found = [pair for late in np.arange(-NEAR, NEAR + 0.5 * NEAR_STEP, NEAR_STEP)
+             if (pair := _overlap(float(late), at, rates, t[kept], smooth[kept])) is not None]
+    if not found:
+        return None
+    x, y = max(found, key=lambda pair: _alike(*pair))
+    tracked, turned = (float(np.sum(each.var(axis=0))) for each in (x, y))
+    halves = [np.full_like(rates, np.nan) for _ in range(2)]
+    for k, half in enumerate(halves):
+        there, found_there = body_rates(times[k::2], q[k::2], at, WINDOW)
+        half[np.searchsorted(at, there)] = found_there
+    signal = max(tracked * _reliable(*halves),
+                 turned * _reliable(*(_smooth(t[k::2], gyro[k::2], t) for k in range(2))))
+    possible = np.sqrt(min(1.0, signal / max(tracked, 1e-12))
+                       * min(1.0, signal / max(turned, 1e-12)))
+    lasted = np.minimum(np.diff(at), GAP).sum() * len(x) / len(at)
+    return Together(_alike(x, y), float(possible), float(np.sqrt(WINDOW / (3.0 * lasted))))
+
+
+def _alike(x: Floats, y: Floats) -> float:
+    """Return the correlation of rates, (n, 3) each, of all axes together."""
+    x, y = x - x.mean(axis=0), y - y.mean(axis=0)
+    return float(np.sum(x * y) / max(np.sqrt(np.sum(x * x) * np.sum(y * y)), 1e-12))
+
+
+def _reliable(x: Floats, y: Floats) -> float:
+    """Return which share of the variance of rates is in both halves, (n, 3) with NaN; 0 to 1."""
+    both = np.isfinite(x).all(axis=1) & np.isfinite(y).all(axis=1)
+    return max(_alike(x[both], y[both]), 0.0) if both.sum() >= LEAST_SAMPLES else 0.0
+
+
 def compare(t: Floats, gyro: Floats, times: Floats, q: Floats,
             search: float = SEARCH) -> Turning | None:
     """
@@ -76,17 +160,11 @@ def compare(t: Floats, gyro: Floats, times: Floats, q: Floats,
         Largest lateness that is tried.
 
     """
-    t, first = np.unique(t, return_index=True)
-    gyro = gyro[first]
-    known = np.isfinite(gyro).all(axis=1)
-    t, gyro = t[known], gyro[known]
-    good = np.isfinite(q).all(axis=1) & (np.abs((q * q).sum(axis=1) - 1.0) < 0.1)
-    at, rates = body_rates(times[good], q[good], window=WINDOW)
+    t, gyro, times, q = _usable(t, gyro, times, q)
+    at, rates = body_rates(times, q, window=WINDOW)
     if len(t) < 2 or not len(at):
         return None
-    half = 0.5 * (gyro[1:] + gyro[:-1]) * np.diff(t)[:, None]
-    _, smooth = local_fit(t, np.concatenate([np.zeros((1, 3)), np.cumsum(half, axis=0)]), t,
-                          WINDOW)
+    smooth = _smooth(t, gyro, t)
     kept = np.isfinite(smooth).all(axis=1)
     found = [one for late in STEP * np.arange(-round(search / STEP), round(search / STEP) + 1)
              if (one := _beside(float(late), at, rates, t[kept], smooth[kept]))]
@@ -99,14 +177,41 @@ def compare(t: Floats, gyro: Floats, times: Floats, q: Floats,
     return best if (best.tracked > TURNING).any() and without > RIVAL * left else now
 
 
-def _beside(late: float, at: Floats, rates: Floats, t: Floats, gyro: Floats) -> Turning | None:
-    """Return how rates (m, 3) that are so late, s, agree with a gyro (n, 3)."""
+def _usable(
+    t: Floats, gyro: Floats, times: Floats, q: Floats,
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return the finite samples of a gyro, in the order of time, and the known attitudes."""
+    t, first = np.unique(t, return_index=True)
+    gyro = gyro[first]
+    known = np.isfinite(gyro).all(axis=1)
+    good = np.isfinite(q).all(axis=1) & (np.abs((q * q).sum(axis=1) - 1.0) < 0.1)
+    return t[known], gyro[known], times[good], q[good]
+
+
+def _smooth(t: Floats, gyro: Floats, at: Floats) -> Floats:
+    """Return a gyro, (n, 3) rad/s at ascending times in s, smoothed as the tracked rates are."""
+    half = 0.5 * (gyro[1:] + gyro[:-1]) * np.diff(t)[:, None]
+    path = np.concatenate([np.zeros((1, 3)), np.cumsum(half, axis=0)])
+    return local_fit(t, path, at, WINDOW)[1]
+
+
+def _overlap(
+    late: float, at: Floats, rates: Floats, t: Floats, gyro: Floats,
+) -> tuple[Floats, Floats] | None:
+    """Return rates, (k, 3), that are so late, s, and the gyro then; None: too few."""
     there = interpolate(at - late, t, gyro, GAP)
     both = np.isfinite(there).all(axis=1)
     apart = np.diff(at[both])
     if both.sum() < LEAST_SAMPLES or apart[apart < GAP].sum() < LEAST_TIME:
         return None
-    x, y = rates[both] - rates[both].mean(axis=0), there[both] - there[both].mean(axis=0)
+    return rates[both], there[both]
+
+
+def _beside(late: float, at: Floats, rates: Floats, t: Floats, gyro: Floats) -> Turning | None:
+    """Return how rates (m, 3) that are so late, s, agree with a gyro (n, 3)."""
+    if (both := _overlap(late, at, rates, t, gyro)) is None:
+        return None
+    x, y = (each - each.mean(axis=0) for each in both)
     sx, sy = x.std(axis=0), y.std(axis=0)
     cross = y.T @ x / len(x) / np.maximum(np.outer(sy, sx), 1e-12)
     return Turning(late, np.diag(cross).copy(), sx, sy, cross)

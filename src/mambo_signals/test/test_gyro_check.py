@@ -215,3 +215,44 @@ def test_another_motion_shows_no_order_of_the_axes(seed):
     (0.7, 0.9, False), (0.7, 1.4, False), (0.99, 1.6, True), (0.99, 0.6, True)])
 def test_noise_alone_is_no_other_gain(r, ratio, differs):
     assert gyro_check.differs(r, ratio, 1.5) == differs
+
+
+@pytest.mark.parametrize('size', [0.1, 0.02])
+@pytest.mark.parametrize('late', [0.0, 0.05])
+def test_all_axes_together_show_one_motion(size, late):
+    t, gyro, times, q = turning(size=size)
+    found = gyro_check.together(t, gyro, times + late, q)
+    assert found.confirmed and not found.differ
+    assert found.correlation == pytest.approx(found.possible, abs=0.1)
+    assert found.sigma == pytest.approx(np.sqrt(gyro_check.WINDOW / 60.0), rel=0.02)
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_all_axes_together_show_two_motions(seed):
+    found = gyro_check.together(*turning(seed)[:2], *turning(seed + 10)[2:])
+    assert found.possible > 0.9 and found.differ and not found.confirmed
+
+
+def test_a_body_that_lies_still_turns_otherwise():
+    t, gyro, times, q = turning()
+    lying = Rotation.from_rotvec(1e-3 * np.random.default_rng(5).standard_normal((len(q), 3)))
+    found = gyro_check.together(t, gyro, times, lying.as_quat())
+    assert found.differ and not found.confirmed
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_noise_alone_does_not_turn_otherwise(seed):
+    t, gyro, times, q = turning(seed, size=1e-5)
+    found = gyro_check.together(t, gyro, times, q)
+    assert found.possible < gyro_check.SHOWN and not found.differ and not found.confirmed
+
+
+def test_a_short_flight_must_contradict_more_clearly():
+    found = gyro_check.Together(0.45, 1.0, 0.02)
+    assert found.differ and not found._replace(sigma=0.1).differ
+
+
+def test_what_does_not_overlap_is_not_compared():
+    t, gyro, times, q = turning()
+    assert gyro_check.together(t, gyro, times + 100.0, q) is None
+    assert gyro_check.together(t[:1], gyro[:1], times, q) is None

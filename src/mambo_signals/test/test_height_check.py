@@ -137,3 +137,47 @@ def test_what_is_above_the_floor_is_the_same_with_and_without_the_limits():
         pairs.append(height_check.beside(bag, height_check.motion.read(bag, 'optitrack/pose')))
     for one, other in zip(*pairs, strict=True):
         assert len(one) > 50 and (one == other).all()
+
+
+FRAMES = np.arange(-1.0, 21.0, 0.01)
+
+
+def climbing(t, late=0.0, size=1.0):
+    """Return the height, m, of a flight that takes off, bobs and lands."""
+    rise = np.clip((t - 2.0 - late) / 1.5, 0.0, 1.0) - np.clip((t - 16.0 - late) / 2.0, 0.0, 1.0)
+    return size * rise * (1.0 + 0.2 * np.sin(1.5 * (t - late)))
+
+
+def ranges(late=0.0, size=1.0):
+    return climbing(T, late, size) + 0.005 * np.random.default_rng(1).standard_normal(len(T))
+
+
+NAMES = 'the range', 'optitrack/pose'
+
+
+@pytest.mark.parametrize('change', ['none', 'floor', 'late', 'wrong echoes', 'gain', 'pause'])
+def test_a_range_of_the_flight_follows_over_steps_of_the_floor(change):
+    measured = ranges(0.05 if change == 'late' else 0.0, 0.7 if change == 'gain' else 1.0)
+    if change == 'floor':  # boxes of 0.3 m
+        measured -= 0.3 * ((T % 3.0 < 1.0) & (climbing(T) > 0.4))
+    if change == 'wrong echoes':
+        measured[::40] += 1.0
+    if change == 'pause':
+        measured[150:170] = np.nan
+    assert height_check.not_followed(T, measured, FRAMES, climbing(FRAMES), NAMES) == ''
+
+
+@pytest.mark.parametrize('measured', [
+    ranges(late=3.0), ranges(size=2.5), np.where(T < 10.0, 0.5, 0.4), -ranges()])
+def test_a_range_of_another_flight_does_not_follow(measured):
+    said = height_check.not_followed(T, measured, FRAMES, climbing(FRAMES), NAMES)
+    assert said.startswith('the range does not follow the height of optitrack/pose (correlation')
+
+
+@pytest.mark.parametrize('what', ['level', 'few', 'no capture'])
+def test_where_nothing_can_be_followed_nothing_is_said(what):
+    tracked = climbing(FRAMES, size=0.0 if what == 'level' else 1.0)
+    t = T[:40] if what == 'few' else T
+    tracked = tracked * np.nan if what == 'no capture' else tracked
+    assert height_check.not_followed(
+        t, ranges(late=3.0)[:len(t)], FRAMES, tracked, NAMES) == ''

@@ -6,7 +6,8 @@ body rates of the tracked attitude with the gyro, the tracked height with the so
 pose with the drone's own. The signal with the smallest standard error gives the offset, if the
 others that determine one agree with it; signals that cannot determine it are listed. One offset
 must hold for the whole flight: clocks that jump or run at different rates are refused, by the
-same signals stretched in time and in windows (:mod:`mambo_signals.clock_check`). All of the
+same signals stretched in time and in windows (:mod:`mambo_signals.clock_check`). At this offset
+all that both recorded must show one flight (:mod:`.checks.same_flight`). All of the
 flight is copied, and ``optitrack/pose`` of the other is added on the flight's clock, that of its
 stamps, and with log times as late as those of the flight. A tracked body that is turned about z is
 told.
@@ -36,7 +37,7 @@ from mambo_signals.time_offset import (
     unclipped_ranges)
 import numpy as np
 
-from .checks import bag_doubts, plausible, turned
+from .checks import bag_doubts, plausible, same_flight, turned
 
 POSE = 'optitrack/pose'
 _ADVICE = r'[;:]? (or )?give --offset SECONDS'
@@ -105,7 +106,7 @@ def find_clock(bag: Bag, poses: Poses) -> Clock:
     pairs = signals(bag, poses)
     turns = {name: pairs[name] for name in RATES if name in pairs}
     if said := clock_check.wrong_rate(clock_check.while_flying(
-            turns, pairs.get('height'), *_motors_run(bag))):
+            turns, pairs.get('height'), *same_flight.motors_run(bag))):
         raise AlignError(f'{said}; or give --offset SECONDS')
     found, reasons = offsets(pairs)
     for name, one in list(found.items()):
@@ -149,7 +150,7 @@ def find_clock(bag: Bag, poses: Poses) -> Clock:
     turning = None
     if 'imu/data_raw' in bag:
         gyro = bag['imu/data_raw']
-        begin, end = _motors_run(bag)
+        begin, end = same_flight.motors_run(bag)
         there = (gyro.t >= begin) & (gyro.t <= end)
         turning = gyro_check.compare(
             gyro.t[there], gyro.angular_velocity[there], poses.t + offset.offset,
@@ -174,20 +175,6 @@ def _span(bag: Bag) -> tuple[int, int, int]:
     return max(int(stamps.min()), 0), int(stamps.max()), int(np.median(late))
 
 
-def _motors_run(bag: Bag) -> tuple[float, float]:
-    """
-    Return from when to when the motors run, s; without end where no command says so.
-
-    A vehicle that is carried away after its landing is no longer tracked, or not well.
-    """
-    if 'motor_pwm' in bag:
-        commands = bag['motor_pwm']
-        on = commands.t[(commands.pwm > 0.0).any(axis=1)]
-        if len(on):
-            return float(on.min()), float(on.max())
-    return -math.inf, math.inf
-
-
 def _check_path(path: Path, own: motion.Motion, tracked: motion.Motion, shift: int) -> str:
     """
     Return a line, or '', on a capture, so many ns late, that contradicts the drone's own path.
@@ -207,6 +194,28 @@ def _check_path(path: Path, own: motion.Motion, tracked: motion.Motion, shift: i
         raise BagError(f'{path}: {said}: import it with the right axes')
     said = turned.describe(own, tracked) or plausible.other_scale(*flat)
     return f'warning: {path}: {said}\n' if said else ''
+
+
+def _check_flight(
+    mocap: Path, bag: Bag, tracked: motion.Motion, clock: Clock, given: bool,
+) -> list[str]:
+    """
+    Return lines on what contradicts a capture at an offset.
+
+    Raises
+    ------
+    BagError
+        If it is not of this flight and the offset was not given.
+
+    """
+    moved = dataclasses.replace(tracked, stamps=tracked.stamps + round(clock.offset * 1e9))
+    found = same_flight.of_bag(bag, moved, OWN)
+    if found.refuted and not given:
+        raise BagError(
+            f'{mocap}: {found.refuted} at {clock.offset:+.3f} s, the offset by {clock.source}: '
+            'it is of another flight: give the one of this flight, or give '
+            f'--offset {clock.offset:.3f} to join it all the same')
+    return [f'{line}: is it of another flight?' for line in found.lines]
 
 
 def _check_given(offset: float, bag: Bag, tracked: motion.Motion) -> tuple[str, str]:
@@ -246,8 +255,8 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None,
     ------
     BagError
         If a bag cannot be read, the flight has its motion capture already, the clocks cannot be
-        aligned, or the capture shows the mirror image of the path that the drone estimates;
-        nothing is written then.
+        aligned, or the capture is of another flight, or shows the mirror image of the path that
+        the drone estimates; nothing is written then.
     mambo_bags.writer.BagWriterError
         If the target exists.
 
@@ -262,7 +271,8 @@ def join(flight: Path, mocap: Path, target: Path, offset: float | None = None,
     shift = round(clock.offset * 1e9)
     said, doubt = ('', clock.doubt) if offset is None else _check_given(offset, bag, tracked)
     lines = [said, *(line and f'{mocap}: {line}' for line in [
-        doubt, *bag_doubts.capture(tracked)])]
+        doubt, *bag_doubts.capture(tracked),
+        *_check_flight(mocap, bag, tracked, clock, offset is not None)])]
     note = ''.join(f'warning: {line}\n' for line in lines if line) + next(filter(None, [
         _check_path(mocap, motion.read(bag, topic), tracked, shift)
         for topic in OWN if topic in bag]), '')

@@ -441,3 +441,32 @@ def test_positions_that_are_turned_against_the_attitude_are_told(degrees):
     said = join._check_path(Path('take'), own, seen, 5_000_000_000)
     assert not said if degrees == 0.0 else said.startswith(
         'warning: take: the positions of the motion capture are turned by ')
+
+
+def test_a_capture_that_contradicts_the_gyro_at_the_offset_found_is_refused(
+        log, take, tmp_path, monkeypatch, capsys):
+    """As by one axis that is alike by chance: the offset of another flight, here 1.5 s wrong."""
+    wrong = join.Clock(BEGAN + 1.5, 0.002, 'pitch rate of pitch rate')
+    monkeypatch.setattr(join, 'find_clock', lambda *_: wrong)
+    arguments = [str(log), str(take), str(tmp_path / 'joined')]
+    assert join.main(arguments) == 2
+    error = capsys.readouterr().err
+    assert error.count('\n') == 1 and 'do not turn alike' in error
+    assert 'at +4.000 s, the offset by pitch rate of pitch rate' in error
+    assert error.endswith('or give --offset 4.000 to join it all the same\n')
+    assert not (tmp_path / 'joined').exists()
+    assert join.main([*arguments, '--offset', '4.000']) == 0
+    assert re.search(f'warning: {take}: gyro and .* do not turn alike .*: is it of another flight',
+                     capsys.readouterr().out)
+
+
+def test_a_capture_of_another_height_is_told_beside_a_gyro_that_agrees(
+        log, take, tmp_path, monkeypatch):
+    def bobbing(bag, name, read=motion.read):
+        found = read(bag, name)
+        return dataclasses.replace(found, position=found.position + np.outer(
+            np.sin(2.0 * found.t), [0.0, 0.0, 0.3]))
+    assert 'warning' not in join.join(log, take, tmp_path / 'right')
+    monkeypatch.setattr(join.motion, 'read', bobbing)
+    assert f'warning: {take}: the range does not follow the height of optitrack/pose' in (
+        join.join(log, take, tmp_path / 'joined'))

@@ -105,3 +105,21 @@ def test_nothing_is_told_where_the_path_does_not_tell(what):
     if what == 'line':  # at one speed: less the mean nothing is left
         own, seen = flight(np.outer(T, [0.3, 0.1]), np.radians(90.0))
     assert turned.angle(own, seen) == 0.0
+
+
+@pytest.mark.parametrize('path', PATHS)
+@pytest.mark.parametrize('late, drift', [(0.0, 0.0), (0.1, 0.0), (0.0, 1.5)])
+def test_a_path_in_another_frame_or_that_drifts_is_the_same(path, late, drift):
+    own, seen = flight(PATHS[path], late=late, drift=drift * T / T[-1])
+    assert turned.other_path(own, seen) == ''
+
+
+@pytest.mark.parametrize('own, seen', [('eight', 'circle'), ('square', 'line')])
+def test_the_path_of_another_flight_is_told(own, seen):
+    ours, theirs = flight(PATHS[own])[0], flight(PATHS[seen])[1]
+    assert turned.other_path(ours, theirs).startswith(
+        'the path of onboard/odom is not that of optitrack/pose (correlation of the ways over 1 s')
+    still = dataclasses.replace(theirs, position=0.01 * theirs.position)
+    assert turned.other_path(ours, still) == ''
+    unknown = dataclasses.replace(theirs, quaternion=np.nan * theirs.quaternion)
+    assert turned.other_path(ours, unknown) == ''
