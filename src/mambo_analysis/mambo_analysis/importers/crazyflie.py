@@ -80,6 +80,7 @@ from mambo_bags.mcap_reader import BagError
 from mambo_bags.writer import BagWriter
 from mambo_signals import clock_check, gyro_check, height_check
 from mambo_signals.derivative import body_rates
+from mambo_signals.motion import Motion
 from mambo_signals.poses import frozen, outliers
 from mambo_signals.resample import interpolate
 from mambo_signals.time_offset import (
@@ -89,7 +90,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from .checks import bag_doubts, crazyflie_doubts, plausible, slips
+from .checks import bag_doubts, crazyflie_doubts, plausible, same_flight, slips
 from .common import (
     estimator_parameters, importer_parser, is_sound, LONGEST, NAMESPACE, new_samples, ONLY_CHANGES,
     provenance, Publisher, read_source, refuse_options, report, Source, stamps_ns, unused)
@@ -551,10 +552,7 @@ def _publish_onboard(log: Log, out: Publisher) -> None:
             if np.isfinite(row).all():
                 out.publish('motor_pwm', stamp, '', pwm=row)
     if log.has(*ODOMETRY):
-        t = log.drone[ODOMETRY[0]][0]
-        state = log.at(t, *ODOMETRY)
-        known = np.isfinite(state).all(axis=1)
-        t, state = t[known], state[known]
+        t, state = _state(log)
         attitude = _attitude(state[:, 3:6])
         for stamp, row, q in zip(stamps_ns(t).tolist(), state.tolist(), attitude):
             out.publish('onboard/odom', stamp, 'odom',
@@ -667,6 +665,30 @@ def _contradictions(log: Log, moving: dict[str, Pair], offset: float) -> list[st
     return [text for text in out if text]
 
 
+def _same_flight(log: Log, offset: float) -> same_flight.Verdict:
+    """Return what of the drone is not of the flight of its motion capture with an offset."""
+    tracked = Motion('optitrack/pose', stamps_ns(log.mocap[:, 0] + offset), log.mocap[:, 1:4],
+                     np.array(_attitude(log.mocap[:, 4:])))
+    gyro, own = None, []
+    if log.has(*RATES):
+        t, (begin, end) = log.drone['w_x'][0], _motors_run(log)
+        t = t[(t >= begin) & (t <= end)]
+        gyro = t, log.at(t, *RATES)
+    if log.has(*ODOMETRY):
+        t, state = _state(log)
+        own.append(Motion('onboard/odom', stamps_ns(t), state[:, :3],
+                          np.array(_attitude(state[:, 3:6])).reshape(-1, 4)))
+    return same_flight.check(tracked, gyro, _heights(log)[:2] if log.has('r') else None, own)
+
+
+def _state(log: Log) -> tuple[Floats, Floats]:
+    """Return when the drone estimates its state, s, and ``ODOMETRY`` then, (n, 12)."""
+    t = log.drone[ODOMETRY[0]][0]
+    state = log.at(t, *ODOMETRY)
+    known = np.isfinite(state).all(axis=1)
+    return t[known], state[known]
+
+
 def _motors_run(log: Log) -> tuple[float, float]:
     """Return from when to when the motors run, s; a vehicle that is carried away is hidden."""
     if log.has(*MOTORS):
@@ -721,12 +743,16 @@ def _checked(path: Path, log: Log, asked: str) -> tuple[float | None, dict[str, 
         raise BagError(f'{path}: {rate}, or give --mocap-offset SECONDS to take the motion '
                        'capture as it is, or none to leave it out')
     offset, details = _aligned(path, log, asked)
-    doubts = [text for text in (rate, *_contradictions(log, moving, offset)) if text]
+    beside = _same_flight(log, offset)
+    doubts = [text for text in (rate, *_contradictions(log, moving, offset), beside.refuted)
+              if text]
     if doubts and not given:
         raise BagError(f'{path}: {doubts[0]}; or give --mocap-offset {offset:.3f} to take the '
                        'motion capture as it is, or none to leave it out')
     if doubts:
         details['mocap_taken_as_it_is'] = '; '.join(doubts)
+    if beside.doubts:
+        details['mocap_doubtful'] = '; '.join(beside.doubts)
     if not given:
         details['mocap_offset_sigma_s'] = _sigma(path, log, details)
     return offset, details

@@ -7,6 +7,7 @@ from pathlib import Path
 import re
 
 from hypothesis import given, settings, strategies as st
+from mambo_analysis.importers import crazyflie
 from mambo_analysis.importers.common import read_source
 from mambo_analysis.importers.crazyflie import (
     COUNTS_PER_RADIAN, gyro_offset, import_crazyflie, main, mocap_offset, read_log)
@@ -615,6 +616,22 @@ def test_range_and_gyro_must_tell_the_same_clock(tmp_path, capsys):
     entry['data'] = np.interp(times - 0.4, times, entry['data']).tolist()
     refuse(save(tmp_path / 'log.json', log), tmp_path, capsys,
            'the signals give different clock offsets')
+
+
+def test_a_motion_capture_of_another_flight_is_refused_or_told(tmp_path, capsys, monkeypatch):
+    path = save(tmp_path / 'log.json')
+
+    def verdict(*found):
+        monkeypatch.setattr(crazyflie.same_flight, 'check', lambda *_: (
+            crazyflie.same_flight.Verdict(*found)))
+    verdict('they do not turn alike')
+    refuse(path, tmp_path, capsys, 'they do not turn alike; or give --mocap-offset ')
+    verdict('', ('its height is another',))
+    _, record = import_crazyflie(path, tmp_path / 'bag')
+    assert record['mocap_doubtful'] == 'its height is another'
+    verdict('they do not turn alike')
+    _, record = import_crazyflie(path, tmp_path / 'given', mocap=f'{OFFSET}')
+    assert record['mocap_taken_as_it_is'] == 'they do not turn alike'
 
 
 @pytest.mark.long
