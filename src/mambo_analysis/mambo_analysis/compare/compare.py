@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from . import losses, pair, tables
-from ..importers.checks import slips
+from ..importers.checks import same_flight, slips
 from .ending import (
     ended_early, ended_in_the_air, landed_by_itself, refused_messages, without_poses)
 from .events import parameters
@@ -150,7 +150,19 @@ def _doubts(bag: Bag, flight: losses.Span | None) -> list[str]:
             *ended_in_the_air(bag), *stamps.doubtful(bag), *damaged.not_finite(bag),
             *damaged.poses_not_finite(bag), *losses.describe(bag, flight),
             *stamps.repeated(bag, motion.MOTIONS), *slips.own_leap(bag),
-            *height_check.of_bag(bag)]
+            *height_check.of_bag(bag), *_other_flight(bag)]
+
+
+def _other_flight(bag: Bag) -> list[str]:
+    """Return lines on sensors of a recorded flight that are not of that of its capture."""
+    if pair.simulated(bag) or 'optitrack/pose' not in bag:
+        return []
+    try:
+        tracked = motion.read(bag, 'optitrack/pose')
+    except BagError:  # what compares it says so
+        return []
+    return [f'{line}: is the motion capture of another flight?'
+            for line in same_flight.of_bag(bag, tracked).lines]
 
 
 def compare(bag: Bag) -> dict[str, Any]:

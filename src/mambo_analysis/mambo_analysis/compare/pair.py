@@ -15,7 +15,7 @@ from mambo_signals.poses import outliers
 from mambo_signals.resample import Floats, Ints
 import numpy as np
 
-from ..importers.checks import plausible, turned
+from ..importers.checks import plausible, same_flight, turned
 from ..importers.common import quoted, shortened
 
 XYZ = ('x', 'y', 'z')
@@ -79,6 +79,7 @@ def aligned(
             parts.append(f'clock moved by {found.offset:+.4f} s (standard error '
                          f'{found.sigma * 1e3:.1f} ms)')
             parts += _other_rate(a, b)
+            parts += same_flight.paths(a.moved(offset, 0.0, np.zeros(3)), b)
         except time_offset.NotExcited as error:
             parts.append(f'clocks taken as they are, as no motion tells their offset ({error})')
         except time_offset.AlignError as error:
@@ -422,7 +423,7 @@ def _contradictions(a: Motion, b: Motion) -> list[str]:
     ours, theirs = plausible.common_path(a, b)
     flat = ours[:, :2], theirs[:, :2]
     return [said for said in (plausible.upside_down(ours, theirs), plausible.mirrored(*flat),
-                              plausible.other_scale(*flat)) if said]
+                              plausible.other_scale(*flat), *same_flight.paths(a, b)) if said]
 
 
 def _between(

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from mambo_analysis.compare import pair, report, tables
 from mambo_analysis.compare.compare import compare, compare_bags, main
+from mambo_analysis.importers.checks import same_flight
 from mambo_analysis.importers.common import Publisher, read_source
 from mambo_analysis.importers.mat_file import variables
 from mambo_analysis.importers.minidrone import read_log
@@ -491,3 +492,28 @@ def test_the_estimate_in_map_is_compared_with_the_truth_and_not_with_poses_of_an
         'position'].error[:, 0] + 0.9).max() < 1e-9
     assert np.abs(found['estimation error in map: estimate/map minus ground_truth/odom'][
         'position'].error[:, 0] - 1.0).max() < 1e-9
+
+
+def test_an_alignment_that_the_heights_or_paths_contradict_says_so():
+    t = np.arange(0.0, 30.0, 0.01)
+    stamps = np.round(t * 1e9).astype(np.int64)
+    wander = gaussian_filter1d(np.random.default_rng(2).standard_normal((3, len(t))), 60.0)
+    x, y, z = wander / wander.std(axis=1, keepdims=True)
+    level = Rotation.from_euler('z', 0.3 * x[:, None]).as_quat()
+    a = motion.Motion('onboard/odom', stamps, np.stack([x, y, 0.3 * z], axis=1), level)
+    b = dataclasses.replace(a, name='optitrack/pose', stamps=stamps + 2_000_000_000)
+    assert 'follow' not in pair.aligned(a, b).text and 'is not that' not in pair.aligned(a, b).text
+    other = dataclasses.replace(b, position=np.stack([x, y, 0.3 * z[::-1]], axis=1))
+    said = pair.aligned(a, other, ['time']).text
+    assert 'the height of onboard/odom does not follow the height of optitrack/pose' in said
+    assert 'is not that' not in said
+
+
+def test_a_recording_with_the_capture_of_another_flight_is_told(tmp_path, monkeypatch):
+    bag = flown(tmp_path / 'flight', ('estimate/odom', 'optitrack/pose'))
+    verdict = same_flight.Verdict('they do not turn alike')
+    monkeypatch.setattr(same_flight, 'of_bag', lambda *_: verdict)
+    assert 'they do not turn alike: is the motion capture of another flight?' in (
+        compare(bag)['notes'])
+    monkeypatch.setattr(pair, 'simulated', lambda _: True)
+    assert not any('another flight' in line for line in compare(bag)['notes'])
