@@ -185,6 +185,25 @@ def test_a_position_that_slips_is_told(tmp_path):
         notes)
 
 
+def test_a_position_that_rows_hold_is_told_with_what_helps(tmp_path):
+    """Two rows of each pose; of the last one it is not known. The vehicle moves at 3 m/s."""
+    data = frame()
+    data[['x', 'y', 'z']] *= 5.0
+    pose = ['x', 'y', 'z', 'qw', 'qx', 'qy', 'qz']
+    data.loc[1::2, pose] = data.loc[:N - 2:2, pose].to_numpy()
+    remedy = 'import it with only_changes: true for this topic in the mapping'
+    for changes in (False, True):
+        text = FLIPPED.replace('x, y, z]', 'x, y, z], unit: cm') + (
+            '    only_changes: true\n' * changes)
+        source, mapping = files(tmp_path, data, text=text)
+        _, notes = import_table(source, tmp_path / f'bag{changes}', mapping)
+        assert not any('slip' in note for note in notes)
+        assert [note.split(': ', 1)[1] for note in notes if 'repeat the one before' in note] == (
+            [] if changes else [
+                '23 of 50 positions repeat the one before while the vehicle moves, as of a table '
+                f'that is faster than the motion capture: {remedy}'])
+
+
 def test_frozen_poses_are_left_out_and_those_on_both_sides_stay(tmp_path):
     data = frame()
     pose = ['x', 'y', 'z', 'qw', 'qx', 'qy', 'qz']

@@ -23,7 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from . import motion_doubts, plausible, powertrain, slips, stopped, tilts, turned
+from . import (
+    held_rows, motion_doubts, plausible, powertrain, slips, stopped, tilts, turned)
 from ..common import NAMESPACE
 from .stopped import CLIMB, OWN, REACH, STOPPED, TRACKED
 
@@ -98,7 +99,9 @@ def _doubts(bag: Bag) -> list[str]:
         out.append(f'{TRACKED}: the positions are multiples of {step:.3g} m: velocities and drag '
                    'of such a path are not those of the vehicle; record them unrounded')
     elif TRACKED in motions:
-        out += slips.describe(TRACKED, motions[TRACKED].t, motions[TRACKED].position)
+        tracked = motions[TRACKED].t, motions[TRACKED].position
+        out += slips.describe(TRACKED, *tracked) + held_rows.describe(
+            TRACKED, *tracked, _once(bag))
     for name, one in motions.items():
         out += capture(one) if name == TRACKED else _still(one)
     out += stopped.describe(bag, motions)
@@ -119,6 +122,13 @@ def _doubts(bag: Bag) -> list[str]:
             out += said
             break
     return out + _single(bag)
+
+
+def _once(bag: Bag) -> str:
+    """Return how an importer is told to take each position of a motion capture once."""
+    if bag.metadata.get('import', {}).get('importer') == 'mambo_analysis.import_table':
+        return 'import it with only_changes: true for this topic in the mapping'
+    return 'record each of its poses once'
 
 
 def _jumps(bag: Bag) -> list[str]:

@@ -7,8 +7,8 @@ stop falls, and stays on the floor: what the velocity of the step before and an 
 explain is no slip, which is 1 mm at 100 Hz and 0.1 m at 10 Hz. Beside frames that are missing the
 velocities of the steps are compared, and what ``THRUST`` and a bump explain in the time between
 the two frames is no slip (:func:`_moved_so`): 6 mm over 20 ms at 100 Hz, 0.6 m over 0.2 s at
-10 Hz. Attitudes are not judged: a bump at take-off turns a small vehicle as far from one frame to
-the next.
+10 Hz. Rows that hold the position before (:mod:`.held_rows`) are no frames. Attitudes are not
+judged: a bump at take-off turns a small vehicle as far from one frame to the next.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from .held_rows import held
 from .stopped import OWN
 
 Floats = NDArray[np.float64]
@@ -31,6 +32,8 @@ STAYS = 0.7   # share of the step between positions BESIDE frames before and aft
 FALL = 1.1 * 9.81  # m/s^2; a tenth more than g, for times and positions that are not exact
 CLOSE = 1.5   # median periods between frames that count as neighbours
 THRUST = 3.0 * 9.81  # m/s^2; a thrust of twice the weight, as of small drones, and gravity
+CLEARLY = 0.5  # of what equal frames leave of the steps beside; times that fit no better leave
+#                as much
 LEAP = 0.5    # m of an estimate between two samples that is told
 
 
@@ -38,12 +41,16 @@ def steps(times: Floats, position: Floats) -> list[tuple[float, float]]:
     """
     Return time [s] and length [m] of each step of a position that stands out and stays.
 
+    Rows that hold the position before are left out.
+
     Parameters
     ----------
     times : (n,) s, ascending
     position : (n, 3) m
 
     """
+    new = np.flatnonzero(~held(times, position))
+    times, position, holds = times[new], position[new], np.diff(new) > 1
     moves, periods = np.diff(position, axis=0), np.diff(times)
     if len(moves) <= 2 * BESIDE:
         return []
@@ -55,20 +62,65 @@ def steps(times: Floats, position: Floats) -> list[tuple[float, float]]:
     moved = np.where(regular, fell, _moved_so(moves, periods))
     out = []
     for k in BESIDE + np.flatnonzero((~moved & (np.linalg.norm(moves, axis=1) > LEAST))[inner]):
-        around = np.r_[k - BESIDE:k, k + 1:k + 1 + BESIDE]
-        spans = np.ones_like(periods) if regular[k] else periods
-        pace = moves[around] / spans[around, None]
-        usual = np.median(pace, axis=0)
-        scatter = spans[k] * float(np.median(np.linalg.norm(pace - usual, axis=1)))
-        excess = moves[k] - spans[k] * usual
-        length = float(np.linalg.norm(excess))
-        if length < max(LEAST, FAR * scatter):
-            continue
-        both = (slice(k, k + 1 + BESIDE), slice(k - BESIDE, k + 1))  # later, earlier positions
-        if all((moves[part].sum(axis=0) - spans[part].sum() * usual) @ excess > STAYS * length ** 2
-               for part in both):
-            out.append((float(times[k + 1]), length))
+        part = slice(k - BESIDE, k + 1 + BESIDE)
+        excess = _excess(moves[part], periods[part], bool(regular[k]), bool(holds[part].any()))
+        if excess.any():
+            out.append((float(times[k + 1]), float(np.linalg.norm(excess))))
     return out
+
+
+def _excess(moves: Floats, periods: Floats, regular: bool, any_held: bool) -> Floats:
+    """
+    Return by how much the step in the middle is too long, (3,) m; zeros if it may be motion.
+
+    Frames may be missing between two of them, so that a step takes the time between, or a table
+    holds each for one row more or less, so that its time is that of any other. The step must stand
+    out and stay by both, unless the times explain the steps beside clearly better.
+
+    Parameters
+    ----------
+    moves : (2 BESIDE + 1, 3) m
+    periods : (2 BESIDE + 1,) s
+    regular
+        Whether no frames are missing.
+    any_held
+        Whether one of the steps was held over several rows.
+
+    """
+    by_frame = _off(moves, np.ones_like(periods))
+    if regular and not any_held:
+        found = [by_frame]
+    else:
+        found = [_off(moves, periods), by_frame]
+        left = [float(np.delete(np.linalg.norm(off, axis=1), BESIDE).sum()) for off, _ in found]
+        if not any_held and left[0] < CLEARLY * left[1]:
+            found = found[:1]
+    excess = found[0][0][BESIDE]
+    for off, scatter in found:
+        length = float(np.linalg.norm(off[BESIDE]))
+        stays = all(part.sum(axis=0) @ off[BESIDE] > STAYS * length ** 2
+                    for part in (off[BESIDE:], off[:BESIDE + 1]))  # later, earlier positions
+        if not stays or length < max(LEAST, FAR * scatter) or off[BESIDE] @ excess <= 0.0:
+            return np.zeros(3)
+    return excess
+
+
+def _off(moves: Floats, spans: Floats) -> tuple[Floats, float]:
+    """
+    Return what a usual pace leaves of each step, (2 BESIDE + 1, 3) m, and its usual size, m.
+
+    Parameters
+    ----------
+    moves : (2 BESIDE + 1, 3) m
+    spans : (2 BESIDE + 1,)
+        Times of the steps, in any unit. The size is for that of the step in the middle.
+
+    """
+    pace = moves / spans[:, None]
+    beside = np.delete(pace, BESIDE, axis=0)
+    usual = np.median(beside, axis=0)
+    scatter = spans[BESIDE] * float(np.median(np.linalg.norm(beside - usual, axis=1)))
+    return moves - spans[:, None] * usual, scatter
 
 
 def _moved_so(moves: Floats, periods: Floats) -> NDArray[np.bool_]:

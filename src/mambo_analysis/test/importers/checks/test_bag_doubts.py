@@ -342,6 +342,17 @@ def test_a_tracked_position_that_slips_is_told(tmp_path):
         'pose before? Cut the recording there']
 
 
+def test_poses_that_a_driver_sends_twice_are_told_and_are_no_slip(tmp_path):
+    with BagWriter(tmp_path / 'bag') as writer:
+        out = Publisher(writer, {'optitrack/pose': any_table.TYPES['optitrack/pose']})
+        for k in range(300):
+            pose = out.pose((0.02 * (k // 2 * 2), 0.0, 1.0), (0, 0, 0, 1))
+            out.publish('optitrack/pose', 10_000_000 * k, 'map', pose=pose)
+    assert bag_doubts.doubts(read_bag(tmp_path / 'bag', namespace='/mambo')) == [
+        'optitrack/pose: 148 of 300 positions repeat the one before while the vehicle moves, as '
+        'of a table that is faster than the motion capture: record each of its poses once']
+
+
 def test_a_jump_of_the_clock_is_told_and_costs_no_memory(tmp_path):
     found = poses_and(tmp_path / 'bag', 'onboard/odom', lambda out, height, pose: out.odometry(
         pose, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), jump=900_000_000 * 10**9)

@@ -97,6 +97,39 @@ def test_motion_beside_lost_frames_is_not_told(share, rate, case):
         assert not slips.steps(t[there], position[there])
 
 
+CIRCLE = np.arange(0.0, 8.0, 1.0 / 120.0)
+FAST = 1.2 * np.column_stack([np.sin(3.3 * CIRCLE), np.cos(3.3 * CIRCLE), 0.2 * CIRCLE])  # 4 m/s
+
+
+def held_rows(rows, position):
+    """Return positions of which each is held for the next number of rows."""
+    first = np.r_[0, np.cumsum(np.resize(rows, len(position)))]
+    return position[np.repeat(first[:-1], np.diff(first))[:len(position)]]
+
+
+RUNS = {'two': [2], 'three': [3], 'irregular': [1, 2, 3, 2, 1, 1, 3, 2, 3, 3, 1, 2, 2],
+        'seldom': [1, 1, 1, 2, 1, 1, 1, 2, 2, 1]}
+
+
+@pytest.mark.parametrize('rows', RUNS)
+def test_rows_that_hold_a_position_are_no_slip_and_hide_none(rows):
+    noise = 2e-4 * np.random.default_rng(3).standard_normal(FAST.shape)
+    assert not slips.steps(CIRCLE, held_rows(RUNS[rows], FAST + noise))
+    slipped = 0.25 * FAST + noise + np.where(CIRCLE < 4.0, 0.0, 0.1)[:, None] * [0.0, 0.0, 1.0]
+    (at, length), = slips.steps(CIRCLE, held_rows(RUNS[rows], slipped))
+    assert at == pytest.approx(4.0, abs=0.02) and length == pytest.approx(0.1, abs=0.03)
+
+
+@pytest.mark.parametrize('rate', [100.0, 75.0, 60.0, 50.0, 42.0])
+@pytest.mark.parametrize('changes', [False, True])
+def test_a_capture_that_a_faster_table_holds_is_no_slip(rate, changes):
+    """With ``only_changes`` the rows that are left are late by up to one row of the table."""
+    frames = np.floor(CIRCLE * rate + 0.3) / rate
+    x = 1.2 * np.column_stack([np.sin(3.3 * frames), np.cos(3.3 * frames), 0.2 * frames])
+    new = np.r_[True, np.diff(frames) > 0.0] if changes else np.ones(len(frames), bool)
+    assert not slips.steps(CIRCLE[new], x[new])
+
+
 def test_a_leap_of_an_estimate_is_told_from_half_a_metre_on():
     for size, told in ((0.45, 0), (0.55, 1)):
         position = PATH + np.where(T < 3.0 - 1e-9, 0.0, size)[:, None] * [1.0, 0.0, 0.0]
