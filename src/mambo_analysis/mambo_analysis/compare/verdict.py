@@ -46,11 +46,28 @@ def first_long_run(t: NDArray[np.float64], far: NDArray[np.bool_], least: float)
     return float('nan')
 
 
+def _too_low(bag: Bag, state: Bag) -> NDArray[np.bool_]:
+    """
+    Return in which steps the floor is nearer than the shortest range of the sonar, (n,).
+
+    By the estimated height and tilt, as a filter tells where a sensor cannot measure. The filters
+    use what the sonar reads there, as a bound of the height, so that its health is good.
+    """
+    inner = state[topics.ESTIMATOR_STATE.name]
+    if topics.SONAR.name not in bag or not len(bag[topics.SONAR.name]):
+        return np.zeros(len(inner.stamp), bool)
+    least = float(np.min(bag[topics.SONAR.name].min_range))
+    x, y = state[topics.ESTIMATE.name].orientation[:, :2].T
+    return inner['height'] < least * (1.0 - 2.0 * (x * x + y * y))
+
+
 def _sensors(bag: Bag, state: Bag) -> list[str]:
     """Return one line for each sensor."""
     inner = state[topics.ESTIMATOR_STATE.name]
     unhealthy = (inner['health'] > health.OUT_OF_REACH).mean(axis=0)
-    reach = (inner['health'] == health.OUT_OF_REACH).mean(axis=0)
+    away, good = inner['health'] == health.OUT_OF_REACH, inner['health'] == health.GOOD
+    away[:, health.SONAR] |= good[:, health.SONAR] & _too_low(bag, state)
+    reach = away.mean(axis=0)
     unused = (inner['age'][inner['status'] != ALIGNING] > 0.0).sum(axis=0) / len(inner.stamp)
     lines = [f'  {name}: unhealthy for {unhealthy[k]:.1%} of the time' + (
         f', without a usable sample in {unused[k]:.1%} of the steps'

@@ -37,7 +37,7 @@ def flight():
     sonar[::5] = 0.01
     inner = Messages(
         stamp=stamps(), status=np.full(COUNT, 2), sonar_innovation=sonar,
-        health=np.zeros((COUNT, len(health.NAMES)), int),
+        health=np.zeros((COUNT, len(health.NAMES)), int), height=np.ones(COUNT),
         age=np.zeros((COUNT, len(health.NAMES))), sonar_refused=np.zeros(COUNT, int),
         flow_refused=np.zeros(COUNT, int), barometer_refused=np.zeros(COUNT, int),
         sonar_test_ratio=nothing, flow_test_ratio=nothing, barometer_test_ratio=nothing,
@@ -120,7 +120,8 @@ def test_each_sensor_is_told_by_its_own_health(flight, monkeypatch):
     inner['sonar_refused'][:] = np.linspace(0, 30, COUNT).astype(int)
     values = np.ones((100, 1))
     values[60:] = np.nan  # what is no number is no sample
-    flight['sonar/range'] = Messages(stamp=stamps()[:100], values=values)
+    flight['sonar/range'] = Messages(
+        stamp=stamps()[:100], values=values, min_range=np.full(100, 0.5))
     inner['age'][:20, 1] = 0.005  # no sample that could be used
     lines = verdict(flight, flight).splitlines()[1:]
     assert lines[1].endswith('of the time, without a usable sample in 4.0% of the steps')
@@ -131,7 +132,8 @@ def test_each_sensor_is_told_by_its_own_health(flight, monkeypatch):
         'time, out of reach for 5.0%')
     assert lines[health.SONAR + 1] == f'  {health.NAMES[health.SONAR + 1]}: absent'
     flight['range/none'] = flight['sonar/range']
-    flight['sonar/range'] = Messages(stamp=stamps()[:100], values=np.full((100, 1), np.nan))
+    flight['sonar/range'] = Messages(
+        stamp=stamps()[:100], values=np.full((100, 1), np.nan), min_range=np.zeros(100))
     assert verdict(flight, flight).splitlines()[1 + health.SONAR] == (
         f'  {health.NAMES[health.SONAR]}: none of 100 samples is valid and within its limits: '
         'check its unit, and whether the vehicle flew')
@@ -156,3 +158,17 @@ def test_without_the_estimators_own_state_there_is_no_verdict(flight, state):
 def test_the_first_run_that_is_long_enough(far, least, begin):
     found = first_long_run(np.arange(len(far)) * 1.0, np.array(far, bool), least)
     assert np.isnan(found) if begin is None else found == begin
+
+
+def test_a_sonar_nearer_to_the_floor_than_its_shortest_range_is_out_of_reach(flight, monkeypatch):
+    """By height and tilt, but where it is unhealthy, which is a share of its own."""
+    monkeypatch.setattr(judge, 'SENSORS', {
+        topic: (None, lambda messages: (messages['values'],)) for topic, _ in judge.AIDING})
+    inner = flight['estimator/state']
+    flight['sonar/range'] = Messages(
+        stamp=stamps(), values=np.ones((COUNT, 1)), min_range=np.full(COUNT, 0.5))
+    inner['height'][:100] = 0.45
+    inner['health'][:25, health.SONAR] = health.MISSING
+    flight['estimate/odom']['orientation'][50:100] = [0.3, 0.0, 0.0, np.sqrt(0.91)]  # 0.41 m
+    line = verdict(flight, flight).splitlines()[1 + health.SONAR]
+    assert line.endswith('unhealthy for 5.0% of the time, out of reach for 5.0%')
