@@ -547,7 +547,7 @@ def _details(
 
 def import_bag(
     source: Path, target: Path, topics: Mapping[str, str], time: str | None = None,
-) -> tuple[dict[str, int], dict[str, str]]:
+) -> tuple[dict[str, int], dict[str, str], list[str]]:
     """
     Write a bag from a foreign one.
 
@@ -565,7 +565,8 @@ def import_bag(
 
     Returns
     -------
-    {topic: messages}; the metadata record ``import``.
+    {topic: messages}; the metadata record ``import``; lines on poses with a turned body, and on
+    those that are left out for long, which the record holds too.
 
     Raises
     ------
@@ -587,11 +588,13 @@ def import_bag(
     stamps = _stamps(source, ready, time)
     details = _details(bag, topics, ready, stamps)
     beside = _turnings(topics, ready, stamps)
+    lines: list[str] = []
     for theirs, ours in topics.items():
         possible, moving, turned = _possible(
             f'{source}: {theirs}', ours, stamps[theirs], ready[theirs], beside)
         if turned:
             details[f'poses {ours}'] = '; '.join(turned)
+            lines += turned
         for what, good in (('impossible', possible), ('frozen', moving)):
             if not good.all():
                 details[f'{what} {ours}'] = int((~good).sum())
@@ -610,7 +613,7 @@ def import_bag(
                 ready[theirs].log_time, stamps[theirs], ready[theirs].data, strict=True)]
         for log_time, ours, data in sorted(everything, key=lambda entry: entry[0]):
             writer.write(f'{NAMESPACE}/{ours}', data, log_time)
-        return writer.counts, record['import']
+        return writer.counts, record['import'], lines
 
 
 def _map(text: str) -> tuple[str, str]:
@@ -652,16 +655,14 @@ def main(arguments: list[str] | None = None) -> int:
             raise InputError('give the bag to create behind the one to read')
         if len(dict(options.map)) < len(options.map):
             raise BagError('a topic is mapped twice: give each --map once')
-        counts, details = import_bag(
+        counts, details, lines = import_bag(
             options.bag, options.output, dict(options.map), options.time)
         ignored = [] if details['ignored'] == 'nothing' else details['ignored'].split(', ')
         notes = [f'{key}: {value}' for key, value in details.items() if key.startswith(NOTED)]
         notes += [about.describe(key.split()[1], int(count))
                   for what, about in (('impossible', outliers), ('frozen', frozen))
                   for key, count in details.items() if key.startswith(f'{what} ')]
-        notes += [line for key, text in details.items() if key.startswith('poses ')
-                  for line in text.split('; ')]
-        notes += bag_doubts.imported(options.output)
+        notes += lines + bag_doubts.imported(options.output)
         report(options.bag, options.output, counts, *notes, *unused(ignored))
 
     return guard('import_bag', work)

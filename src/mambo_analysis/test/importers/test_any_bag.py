@@ -6,6 +6,7 @@ import sqlite3
 
 from damage import check, mutated
 from mambo_analysis.importers.any_bag import import_bag, main, TARGETS
+from mambo_analysis.importers.checks import assignments
 from mambo_bags import columns
 from mambo_bags.reader import read_bag
 from mambo_bags.recover import recover
@@ -141,7 +142,7 @@ def check_all(path):
 
 
 def test_mapped_topics_arrive_with_their_headers_and_values(bag, tmp_path):
-    counts, _ = import_bag(bag, tmp_path / 'dir', ALL)
+    counts, *_ = import_bag(bag, tmp_path / 'dir', ALL)
     assert set(counts.values()) == {N}
     check_all(tmp_path / 'dir')
     import_bag(bag / 'theirs_0.mcap', tmp_path / 'file', ALL)  # one file without its directory
@@ -486,7 +487,7 @@ def test_one_stamp_far_from_its_neighbours_is_one_line(tmp_path, capsys):
 
 def test_a_recorder_that_ran_slower_or_paused_is_no_second_clock(tmp_path):
     source = foreign(tmp_path / 'slow', TWO, step=SECOND)  # of a bag played at a hundredth
-    counts, _ = import_bag(source, tmp_path / 'bag', dict(entry.split(':=') for entry in MAPS))
+    counts, *_ = import_bag(source, tmp_path / 'bag', dict(entry.split(':=') for entry in MAPS))
     assert set(counts.values()) == {N}
 
 
@@ -666,7 +667,7 @@ def test_an_echo_that_never_came_back_is_no_wrong_unit(tmp_path):
         out.range = float('inf') if i % 2 else 1.5
 
     source = foreign(tmp_path / 'theirs', {'/range': TYPES['/range']}, change)
-    counts, _ = import_bag(source, tmp_path / 'bag', {'/range': 'sonar/range'})
+    counts, *_ = import_bag(source, tmp_path / 'bag', {'/range': 'sonar/range'})
     assert counts == {'/mambo/sonar/range': N}
 
 
@@ -786,7 +787,7 @@ def test_an_existing_bag_is_never_overwritten_and_wrong_usage_is_exit_code_2(
 @needs_data
 def test_a_real_recording_of_motion_capture(tmp_path):
     source = DATA / 'cub_stabilize_2025_11_13.mcap'
-    counts, _ = import_bag(source, tmp_path / 'bag', {'/cub1/pose': 'optitrack/pose'})
+    counts, *_ = import_bag(source, tmp_path / 'bag', {'/cub1/pose': 'optitrack/pose'})
     assert counts == {'/mambo/optitrack/pose': 19703}
     ours, theirs = read_bag(tmp_path / 'bag')['optitrack/pose'], read_bag(source)['/cub1/pose']
     for field in ('stamp', 'log_time', 'position', 'orientation'):
@@ -804,3 +805,10 @@ def test_the_test_bags_of_rosbag2(capsys):
         assert captured.err.count('\n') == expected
     assert main([str(folder / 'wrong_rmw_test')]) == 2
     assert "encoded as 'wrong_format', only cdr is read" in capsys.readouterr().err
+
+
+def test_a_line_on_turned_poses_is_printed_as_it_is(bag, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(assignments, 'describe', lambda *_: ['turned; kept', 'long'])
+    asked = ['--map', '/vrpn/mambo/pose:=optitrack/pose']
+    assert main([str(bag), str(tmp_path / 'bag'), *asked]) == 0
+    assert '  turned; kept\n  long\n' in capsys.readouterr().out
