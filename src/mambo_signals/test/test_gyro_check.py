@@ -256,3 +256,35 @@ def test_what_does_not_overlap_is_not_compared():
     t, gyro, times, q = turning()
     assert gyro_check.together(t, gyro, times + 100.0, q) is None
     assert gyro_check.together(t[:1], gyro[:1], times, q) is None
+
+
+@pytest.mark.parametrize('order, signs', [([1, 0, 2], [1, 1, -1]), ([0, 1, 2], [-1, -1, 1]),
+                                          ([1, 2, 0], [1, 1, 1])])
+def test_other_axes_turn_otherwise_together(order, signs):
+    t, gyro, times, q = turning()
+    found = gyro_check.together(t, gyro[:, order] * signs, times, q)
+    assert found.differ and not found.confirmed
+
+
+@pytest.mark.parametrize('every', [1, 2, 5])
+def test_rates_of_both_lost_samples_and_biases_show_one_motion_together(every):
+    """A capture of 100, 50 or 20 Hz with a gap of 2 s, and a gyro with values that are none."""
+    t, gyro, times, q = turning(seconds=30.0)
+    there = np.arange(len(times)) % every == 0
+    there &= (times < 10.0) | (times > 12.0)
+    gyro[100:150] = np.nan
+    gyro += [0.1, -0.2, 0.05]
+    found = gyro_check.together(t, gyro, times[there], q[there])
+    assert found.confirmed and not found.differ
+    assert found.sigma == pytest.approx(np.sqrt(gyro_check.WINDOW / 84.0), rel=0.05)
+
+
+def test_repeated_times_and_attitudes_of_no_length_do_not_count():
+    t, gyro, times, q = turning()
+    plain = gyro_check.together(t, gyro, times, q)
+    again = np.sort(np.append(np.arange(len(t)), [50, 50, 700]))
+    none = q.copy()
+    none[300:303] = 0.0
+    found = gyro_check.together(t[again], gyro[again], times, none)
+    assert found.correlation == pytest.approx(plain.correlation, abs=0.01)
+    assert found.confirmed

@@ -159,3 +159,24 @@ def test_an_assignment_returns_where_it_stands_again(seed):
     every = chosen.tolist()
     assert outliers.assignment_returns(chosen).tolist() == [
         every[k] in every[k + 2:] or every[k + 1] in every[:k] for k in range(seed)]
+
+
+@pytest.mark.parametrize('yaw', [0.0, 1.5, -2.9])
+def test_a_flip_that_adds_to_a_turn_is_taken_from_it(yaw):
+    """The room may be turned, and quaternions have either sign."""
+    poses, wrong = flown(lost((4.0, 0.2), (7.0, 0.2)), 4.0, 7.0, rate=1.0)
+    q = (Rotation.from_euler('z', yaw) * Rotation.from_quat(poses[2])).as_quat()
+    q[::3] *= -1.0
+    path = Rotation.from_euler('z', yaw).apply(poses[1])
+    found = outliers.sort(poses[0], path, q)
+    np.testing.assert_array_equal(found.wrong, wrong)
+    off = Rotation.from_quat(found.turns[1]) * FLIP.inv()
+    assert off.magnitude() < 0.2
+
+
+def test_frames_in_bursts_beside_a_gap_are_no_jumps():
+    """Five frames come at once; two bursts are lost."""
+    bursts = np.repeat(T[::5], 5) + 1e-5 * np.tile(np.arange(5), 300)
+    there = lost((4.0, 0.15), (9.0, 0.15))
+    found = outliers.sort(bursts[there], loop(T)[0][there], rocking(T)[there].as_quat())
+    assert not found.wrong.any() and not len(found.doubtful)
