@@ -288,3 +288,40 @@ def test_repeated_times_and_attitudes_of_no_length_do_not_count():
     found = gyro_check.together(t[again], gyro[again], times, none)
     assert found.correlation == pytest.approx(plain.correlation, abs=0.01)
     assert found.confirmed
+
+
+def test_the_noise_of_one_makes_less_of_a_correlation_possible():
+    """To 1 over the root of 1 + noise: the variances of turning and noise are equal here."""
+    t, gyro, times, q = turning()
+    clean = gyro_check.together(t, gyro, times, q)
+    rng = np.random.default_rng(8)
+    rates = gyro - gyro.mean(axis=0)
+    kept = round(gyro_check.WINDOW / STEP)  # samples that the smoothing averages
+    noise = rates.std(axis=0) * np.sqrt(kept) * rng.standard_normal(gyro.shape)
+    noisy = gyro_check.together(t, gyro + noise, times, q)
+    assert noisy.correlation < clean.correlation - 0.1 and not noisy.differ
+    assert noisy.possible == pytest.approx(noisy.correlation, abs=0.1)
+
+
+def test_axes_that_are_turned_a_little_still_turn_together():
+    """About z by 20 deg, of two axes of three: the rest of the correlation is the cosine."""
+    t, gyro, times, q = turning()
+    turned = Rotation.from_euler('z', 20.0, degrees=True).inv().apply(gyro)
+    found = gyro_check.together(t, turned, times, q)
+    assert found.confirmed
+    assert found.correlation == pytest.approx((1.0 + 2.0 * np.cos(np.radians(20.0))) / 3.0,
+                                              abs=0.03)
+
+
+def test_a_lateness_beyond_that_of_filters_is_another_motion():
+    t, gyro, times, q = turning()
+    assert gyro_check.together(t, gyro, times + 2.0, q).differ
+
+
+def test_gaps_and_unknown_samples_do_not_count_together():
+    t, gyro, times, q = turning()
+    gyro[300:500] = np.nan
+    q[1200:1400] = np.nan
+    found = gyro_check.together(t, gyro, times, q)
+    assert found.confirmed
+    assert found.sigma > np.sqrt(gyro_check.WINDOW / 60.0)  # 4 of 20 s tell nothing

@@ -181,3 +181,43 @@ def test_where_nothing_can_be_followed_nothing_is_said(what):
     tracked = tracked * np.nan if what == 'no capture' else tracked
     assert height_check.not_followed(
         t, ranges(late=3.0)[:len(t)], FRAMES, tracked, NAMES) == ''
+
+
+def test_the_changes_of_a_ramp_are_its_rate_times_their_time():
+    """Levels do not count, nor in which order samples were logged, nor those logged twice."""
+    order = np.random.default_rng(3).permutation(np.repeat(np.arange(len(T)), 2))
+    t, own = T[order], 5.0 - 0.2 * T[order]
+    r, ours, theirs = height_check.changes(t, own, FRAMES, 0.4 * FRAMES)
+    assert r == pytest.approx(-1.0)
+    assert ours == pytest.approx(0.2 * height_check.CHANGE)
+    assert theirs == pytest.approx(0.4 * height_check.CHANGE)
+
+
+@pytest.mark.parametrize('samples, left', [(1, False), (3, False), (4, True)])
+def test_a_change_is_an_edge_of_the_floor_if_it_is_over_at_once(samples, left):
+    """Of 0.06 m a sample, 1.2 m/s: what lasts longer than an edge is a climb."""
+    begin = 200 + np.arange(1, samples + 1)
+    own = 1.0 + 0.06 * np.searchsorted(begin, np.arange(len(T)), side='right')
+    _, ours, theirs = height_check.changes(T, own, FRAMES, 1.0 + 0.0 * FRAMES)
+    assert theirs == 0.0 and (ours > 0.0) is left
+
+
+@pytest.mark.parametrize('apart, seen', [(0.1, True), (0.25, False)])
+def test_between_samples_that_are_far_apart_nothing_is_known(apart, seen):
+    t = np.arange(0.0, 20.0, apart)
+    _, ours, theirs = height_check.changes(t, climbing(t, 3.0), FRAMES, climbing(FRAMES))
+    assert (ours > 0.0) is seen and (theirs > 0.0) is seen
+
+
+@pytest.mark.parametrize('factor, said', [
+    (0.6, True), (0.7, False), (1.4, False), (1.6, True)])
+def test_a_range_may_change_by_another_factor_up_to_a_limit(factor, said):
+    found = height_check.not_followed(T, factor * climbing(T), FRAMES, climbing(FRAMES), NAMES)
+    assert bool(found) is said
+
+
+def test_a_capture_that_is_lost_for_a_while_is_compared_where_it_is():
+    seen = climbing(FRAMES)
+    seen[(FRAMES > 6.0) & (FRAMES < 9.0)] = np.nan
+    assert height_check.not_followed(T, ranges(), FRAMES, seen, NAMES) == ''
+    assert height_check.not_followed(T, ranges(late=3.0), FRAMES, seen, NAMES)
