@@ -8,7 +8,7 @@ for a log of PX4.
 
 Stamps count from the first row. A row without all values of a topic gives no message on it, and is
 counted; likewise a row that repeats the time of the one before or is out of order
-(:mod:`.stray_times`), one that the logger marks as not valid, and one with a quaternion of
+(:mod:`.logs.stray_times`), one that the logger marks as not valid, and one with a quaternion of
 zeros, which loggers write while there is no attitude. Impossible poses are left out
 (:mod:`mambo_signals.poses.outliers`), and ends that were extrapolated
 (:mod:`.checks.extrapolated`). Topics that contradict each other are told
@@ -30,12 +30,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from . import stray_times
 from .checks import assignments, bag_doubts, extrapolated, plausible
 from .common import (
     importer_parser, LONGEST, NAMESPACE, new_samples, ONLY_CHANGES, provenance, Publisher,
     read_source, report, stamps_ns, unused)
-from .logs import ulog
+from .logs import stray_times, ulog
 from .logs.named_columns import read_columns
 from .table_file import row_name
 from .table_map import Map, Quantity, read_map, Topic

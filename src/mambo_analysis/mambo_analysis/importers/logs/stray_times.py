@@ -17,7 +17,7 @@ from mambo_bags.mcap_reader import BagError
 from mambo_signals.resample import Bools, Floats, runs
 import numpy as np
 
-from .checks.plausible import FEW
+from ..checks.plausible import FEW
 
 LONGEST_RUN = 2  # rows one after another; more are times of another clock
 SHOWN = 3        # rows of a line

@@ -3,7 +3,7 @@
 from itertools import combinations
 from pathlib import Path
 
-from mambo_analysis.importers import stray_times
+from mambo_analysis.importers.logs import stray_times
 from mambo_bags.mcap_reader import BagError
 import numpy as np
 import pytest
