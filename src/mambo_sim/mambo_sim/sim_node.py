@@ -51,7 +51,7 @@ class SimNode(node.MamboNode[SimNodeParams]):
         self._tick, self._sensed_t, self.missed, self.late = 0, -STEP_NS, 0, 0
         self._pwm, self._shutdown, self._answered = _STILL, False, -1
         self._last_command = time.monotonic()  # s of wall time
-        self._limit = lockstep.Limit(self)
+        self._limit, self.drones = lockstep.Limit(self), (self,)  # those that it steps
         self.sensed, self.delays = 0.0, Delays()  # s, newest IMU sample; from it to the command
         self.starved = -1  # ns, when the watchdog stopped the motors; -1: it has not
         self._starved_after = 0.0  # s of wall time without a motor command
@@ -101,11 +101,6 @@ class SimNode(node.MamboNode[SimNodeParams]):
         self._limit.look(t, self._pwm)
         if t == self.t and self.sensed:  # not a command from before the first sample
             self.delays.add(self._last_command - self.sensed)
-
-    @property
-    def drones(self) -> tuple[SimNode, ...]:
-        """Return the simulators that ``lockstep.run`` steps: this one."""
-        return (self,)
 
     @property
     def t(self) -> int:

@@ -15,22 +15,26 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..resample import Bools, Floats
+from ..resample import Bools, Floats, gaps
 
 NEAR = 0.1      # s before and after a gap, over which speeds are taken
 TURN = 1.2      # rad beyond the motion: six real flights of 0.5 m/s had 0.6 at most in any gap
+FASTER = 8.0    # rad/s beyond the speeds beside a gap, that a vehicle may turn in it
 SHIFT = 0.5     # m beyond the motion, at least
 SPEEDS_UP = 10.0  # m/s^2: a gap of dt admits this times dt^2 of shift more
-LONGEST = 0.5   # s of a gap that the speeds beside it can bridge
-DOUBTFUL = 5.0  # s of a gap, up to which half a turn is told
-HALF_TURN = 2.5  # rad
+LONGEST = 0.35  # s of a gap that the speeds beside it can bridge
+DOUBTFUL = 5.0  # s of a gap, up to which a turn of ``TURN`` is told
+HALF_TURN = 2.5  # rad, that is told between two frames of a slow capture
 SAME_TURN = 1.0  # rad, tolerance for one assignment across a gap
 STEADY = 0.5    # rad between the turns by both speeds, above which neither counts
 BY_SENSOR = 1.0  # rad between the turn of the poses and that of another sensor
 COVERED = 2.0   # s of a gap over which a gyro is integrated
 MANY = 1000     # steps for which another sensor is asked
-Angle = Callable[[float, float], float]
-"""How far the body turned between two times in s, rad, by another sensor; NaN: not known."""
+Turned = Callable[[float, float], Floats]
+"""
+How the body turned between two times in s by another sensor: a quaternion x y z w in the axes of
+the body before; NaN: not known.
+"""
 
 
 class Steps(NamedTuple):
@@ -45,8 +49,8 @@ class Steps(NamedTuple):
     shifts : (n - 1, 3)
         m.
     sure, suspected, doubtful : (n - 1,)
-        Jumps that another sensor shows; that the speeds beside them contradict; half turns in a
-        gap that is too long to say.
+        Jumps that another sensor shows; that the speeds beside them contradict; turns in a gap
+        that is too long to say.
 
     """
 
@@ -72,7 +76,7 @@ def _speeds(
 
 
 def steps(
-    times: Floats, position: Floats, turns: Rotation, angle: Angle | None = None,
+    times: Floats, position: Floats, turns: Rotation, turned: Turned | None = None,
 ) -> Steps:
     """
     Return what the steps between n poses show beyond the motion of the vehicle.
@@ -83,8 +87,8 @@ def steps(
     position : (n, 3) m
     turns
         n attitudes, body to inertial.
-    angle
-        Of another sensor.
+    turned
+        By another sensor.
 
     """
     k = np.arange(1, len(times))
@@ -102,19 +106,32 @@ def steps(
     size = np.minimum(beyond.magnitude(), plain.magnitude())
     shift = np.minimum(np.linalg.norm(further, axis=1), np.linalg.norm(moved, axis=1))
     even = np.linalg.norm(half * (w1 - w0), axis=1)[:, None] < STEADY
-    turned = np.where(even, beyond.as_quat(), plain.as_quat())
+    kept = np.where(even, beyond.as_quat(), plain.as_quat())
     shifts = np.where(np.linalg.norm(half * (v1 - v0), axis=1)[:, None] < SHIFT, further, moved)
-    bridged = dt <= LONGEST
+    gap = gaps(times)
+    bridged = (dt <= LONGEST) & (gap | (np.median(dt) <= NEAR))
+    faster = size > np.maximum(TURN, FASTER * dt)
     farther = (dt >= NEAR) & (shift > largest_shift(dt))
-    suspected = bridged & ((size > TURN) | farther)
-    doubtful = ~bridged & (dt <= DOUBTFUL) & (size > HALF_TURN)
+    suspected = bridged & (faster | farther)
+    doubtful = ~bridged & (dt <= DOUBTFUL) & (size > np.where(gap, TURN, HALF_TURN))
     sure = np.zeros(len(dt), bool)
-    if angle is not None:
-        asked = (plain.magnitude() > TURN) & (dt <= COVERED)
+    if turned is not None:
+        asked = (gap | (plain.magnitude() > TURN)) & (dt <= COVERED)
         for i in np.flatnonzero(asked)[:MANY]:
-            by_it = angle(float(times[i]), float(times[i + 1]))
-            if np.isfinite(by_it):
-                sure[i] = abs(plain[i].magnitude() - by_it) > BY_SENSOR
+            by_it = turned(float(times[i]), float(times[i + 1]))
+            if np.isfinite(by_it).all():
+                sure[i] = between(plain[i].as_quat(), by_it) > BY_SENSOR
                 suspected[i] &= sure[i] | farther[i]
                 doubtful[i] = False
-    return Steps(turned, shifts, sure, suspected, doubtful)
+    return Steps(kept, shifts, sure, suspected, doubtful)
+
+
+def between(one: Floats, other: Floats) -> float:
+    """
+    Return the least angle, rad, between two turns whose axes differ by an unknown yaw alone.
+
+    A turn about another heading of the body has the same w and z, and the same length of x and y.
+    """
+    cosine = abs(one[3] * other[3] + one[2] * other[2]) + (
+        np.linalg.norm(one[:2]) * np.linalg.norm(other[:2]))
+    return float(2.0 * np.arccos(min(cosine, 1.0)))

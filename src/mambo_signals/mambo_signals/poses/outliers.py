@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 
 from . import gap_jumps
 from ..resample import Bools, Floats, Ints, runs
-from .gap_jumps import Angle
+from .gap_jumps import Turned
 
 FASTEST_TURN = 35.0  # rad/s, 2000 deg/s: the full scale of the gyros of small drones
 FASTEST = 30.0       # m/s
@@ -126,7 +126,7 @@ def impossible(times: Floats, position: Floats, orientation: Floats) -> Bools:
 
 
 def sort(
-    times: Floats, position: Floats, orientation: Floats, angle: Angle | None = None,
+    times: Floats, position: Floats, orientation: Floats, turned: Turned | None = None,
 ) -> Sorted:
     """
     Return the poses sorted by the assignment of their markers; that of most counts as correct.
@@ -137,8 +137,8 @@ def sort(
     position : (n, 3) m
     orientation : (n, 4)
         Unit quaternions x y z w, body to inertial, finite.
-    angle
-        How far the body turns between two times by another sensor.
+    turned
+        How the body turns between two times by another sensor.
 
     """
     turns = Rotation.from_quat(orientation)
@@ -146,7 +146,7 @@ def sort(
     labels = np.where(seen, 0, -1)
     if seen.sum() < 3:
         return Sorted(labels, np.array([[0.0, 0.0, 0.0, 1.0]]), 0)
-    jumps, doubtful = _all_jumps(times[seen], position[seen], turns[seen], angle)
+    jumps, doubtful = _all_jumps(times[seen], position[seen], turns[seen], turned)
     chosen, rough = _assignments(jumps)
     counts = jumps.sure | assignment_returns(chosen)
     if not counts.all():
@@ -185,10 +185,10 @@ class Jumps(NamedTuple):
 
 
 def _all_jumps(
-    times: Floats, position: Floats, turns: Rotation, angle: Angle | None,
+    times: Floats, position: Floats, turns: Rotation, turned: Turned | None,
 ) -> tuple[Jumps, Ints]:
     """Return the jumps of n poses, and the poses behind a gap that may be one."""
-    gaps = gap_jumps.steps(times, position, turns, angle)
+    gaps = gap_jumps.steps(times, position, turns, turned)
     faster = np.zeros(len(times) - 1, bool)
     faster[_jumps(times, position, turns) - 1] = True
     before = np.flatnonzero(faster | gaps.sure | gaps.suspected)
@@ -310,5 +310,5 @@ def _limits() -> str:
 
 def describe(name: str, count: int) -> str:
     """Return a line that reports rejected poses."""
-    return (f'{name}: {count} impossible pose{"s" * (count != 1)} left out, reached {_limits()}: '
-            f'{CAUSES}')
+    return (f'{name}: {count} impossible pose{"s" * (count != 1)} left out, reached {_limits()}, '
+            f'or otherwise than the motion beside a gap: {CAUSES}')

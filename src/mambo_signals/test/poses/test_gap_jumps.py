@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from synthetic import FLIP, loop, make_capture, rocking
 
 T = np.arange(0.0, 15.0, 0.01)
-GAPS = [0.13, 0.3, 0.45]
+GAPS = [0.13, 0.2, 0.3]
 
 
 def lost(*gaps, step=1):
@@ -28,7 +28,7 @@ def flown(there, begin, end, turn=FLIP, rate=0.0):
     return (T[there], loop(T)[0][there], q[there]), wrong[there]
 
 
-@pytest.mark.parametrize('step, gap', [(1, 0.13), (1, 0.45), (10, 0.13), (10, 0.28)])
+@pytest.mark.parametrize('step, gap', [(1, 0.13), (1, 0.3), (10, 0.13)])
 @pytest.mark.parametrize('at', [(4.0, 7.0), (4.0,), (7.0,)])
 @pytest.mark.parametrize('rate', [0.0, 3.0, -3.0])
 def test_poses_flipped_behind_a_gap_are_found_if_they_turn_back(step, gap, at, rate):
@@ -49,15 +49,15 @@ def test_a_flip_that_does_not_turn_back_is_told_and_all_poses_are_kept(gap):
 @pytest.mark.parametrize('gap', [*GAPS, 1.0])
 def test_another_sensor_tells_a_flip_from_a_maneuver(gap):
     poses, wrong = flown(lost((4.0, gap)), 4.0, 15.0)
-    for turned, flipped in ((0.1, True), (3.0, False)):
-        found = outliers.sort(*poses, angle=lambda begin, end, turned=turned: turned)
+    for by_it, flipped in ((Rotation.identity(), True), (FLIP, False)):
+        found = outliers.sort(*poses, turned=lambda *times, by_it=by_it: by_it.as_quat())
         wrong_one = found.wrong if flipped else np.zeros(len(wrong), bool)
         np.testing.assert_array_equal(found.wrong, wrong_one)
         assert (set(map(tuple, zip(found.labels, wrong, strict=True)))
                 == ({(0, False), (1, True)} if flipped else {(0, False), (0, True)}))
         assert not len(found.doubtful)
     asked = []
-    outliers.sort(*poses, angle=lambda *times: asked.append(times) or np.nan)
+    outliers.sort(*poses, turned=lambda *times: asked.append(times) or np.full(4, np.nan))
     np.testing.assert_allclose(asked, [(3.99, 4.0 + gap)])
 
 
@@ -99,6 +99,46 @@ def test_the_steps_show_what_is_beyond_the_motion():
     assert gap_jumps.largest_shift(np.array([0.3])) == pytest.approx(0.5 + 10.0 * 0.09)
 
 
+@pytest.mark.parametrize('rate', [0.0, 1.0, 2.0, -3.0])
+@pytest.mark.parametrize('mount', [0.0, 1.0, -2.5])
+@pytest.mark.parametrize('flip', [FLIP, Rotation.from_euler('z', 180.0, degrees=True)])
+def test_another_sensor_tells_a_flip_however_far_the_vehicle_yaws_in_the_gap(rate, mount, flip):
+    """Also of a body whose heading on the vehicle is not that of the sensor."""
+    poses, wrong = flown(lost((4.0, 0.8)), 4.0, 15.0, flip, rate)
+    plain = Rotation.from_euler('z', rate * T[:, None]) * rocking(T)
+    seen = Rotation.from_euler('z', mount)
+
+    def turned(begin, end):
+        one, other = (seen.inv() * plain[int(round(100.0 * t))] * seen for t in (begin, end))
+        return (one.inv() * other).as_quat()
+    found = outliers.sort(*poses, turned=turned)
+    np.testing.assert_array_equal(found.labels == 1, wrong)
+    poses, _ = flown(lost((4.0, 0.8)), 4.0, 4.0, flip, rate)
+    assert not outliers.sort(*poses, turned=turned).wrong.any()
+
+
+@pytest.mark.parametrize('every, size', [(40, 0.5), (20, 0.5), (20, 1.0)])
+def test_a_slow_capture_of_a_vehicle_that_yaws_has_no_jump(every, size):
+    """Of 2.5 and 5 Hz; a right angle or half a turn in 0.4 s, and back, twice."""
+    yaw = sum(sign * 0.5 * size * np.pi * (1.0 + np.tanh(12.0 * (T - t)))
+              for t, sign in ((1.0, 1), (5.0, -1), (8.0, 1), (12.0, -1)))
+    q = Rotation.from_euler('z', yaw[:, None]).as_quat()
+    for k in range(0, every, 4):
+        found = outliers.sort(T[k::every], loop(T)[0][k::every], q[k::every])
+        assert not found.wrong.any() and not (size == 0.5 and len(found.doubtful))
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_turns_are_compared_up_to_a_heading(seed):
+    one, other = Rotation.random(2, rng=seed)
+    heading = Rotation.from_euler('z', 1.0 + seed)
+    seen = heading.inv() * one * heading
+    assert gap_jumps.between(one.as_quat(), seen.as_quat()) == pytest.approx(0.0, abs=1e-7)
+    least = min((one.inv() * turn.inv() * other * turn).magnitude()
+                for turn in Rotation.from_rotvec(np.arange(0.0, 6.3, 0.01)[:, None] * [0, 0, 1]))
+    assert gap_jumps.between(one.as_quat(), -other.as_quat()) == pytest.approx(least, abs=1e-4)
+
+
 def test_in_a_long_gap_the_vehicle_may_have_turned_and_turned_back_later():
     poses, _ = flown(lost((4.0, 1.0), (7.0, 1.0)), 4.0, 7.0)
     found = outliers.sort(*poses)
@@ -114,16 +154,16 @@ def test_gaps_without_number_are_sorted_in_bounded_time():
     found = outliers.sort(
         0.1 * np.arange(count), rng.normal(size=(count, 3)),
         Rotation.random(count, rng=0).as_quat(),
-        lambda *times: asked.append(times) or 0.0)
+        lambda *times: asked.append(times) or Rotation.identity().as_quat())
     assert 500 < len(asked) <= gap_jumps.MANY and len(found.labels) == count
 
 
 @pytest.mark.parametrize('seed', range(6))
 def test_many_gaps_of_which_some_flip_the_body_are_told_apart(seed):
-    """Ten gaps of 0.12 to 0.4 s; behind some the body is seen turned, until the next one."""
+    """Ten gaps of 0.12 to 0.18 s; behind some the body is seen turned, until the next one."""
     rng = np.random.default_rng(seed)
     begins = 0.5 + 1.4 * np.arange(10)
-    gaps = rng.uniform(0.12, 0.4, 10).round(2)
+    gaps = rng.uniform(0.12, 0.18, 10).round(2)
     there, wrong = lost(*zip(begins, gaps, strict=True)), np.zeros(len(T), bool)
     kinds = (FLIP, Rotation.from_euler('z', 180, degrees=True),
              Rotation.from_euler('z', 90, degrees=True))

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from mambo_signals.derivative import body_rates
 from mambo_signals.gyro_check import compare, OTHER, TURNING, WINDOW
-from mambo_signals.poses.gap_jumps import Angle
+from mambo_signals.poses.gap_jumps import Turned
 from mambo_signals.poses.outliers import SAME_TURN, sort, Sorted
 from mambo_signals.resample import Bools, Floats, interpolate, Ints, runs
 import numpy as np
@@ -54,7 +54,7 @@ def sort_poses(
         Sensors on the same clock, the most trusted first.
 
     """
-    found = sort(times, position, orientation, _angle(beside))
+    found = sort(times, position, orientation, _turned(beside))
     groups = _groups(found) if beside else []
     turns = Rotation.from_quat(orientation)
     for one in beside:
@@ -74,12 +74,12 @@ def sort_poses(
     return found
 
 
-def _angle(beside: Sequence[Turning]) -> Angle | None:
+def _turned(beside: Sequence[Turning]) -> Turned | None:
     """Return the turn between two times by the first sensor that knows it; None without one."""
     live = [one for one in beside if len(one.times) and one.rates.std(axis=0).max() > TURNING]
 
-    def angle(begin: float, end: float) -> float:
-        """Return the angle of the turn, rad; NaN: not known."""
+    def turned(begin: float, end: float) -> Floats:
+        """Return the turn, a quaternion x y z w; NaN: not known."""
         at = np.linspace(begin, end, 2 + int((end - begin) / STEP))
         for one in live:
             near = slice(max(np.searchsorted(one.times, begin) - 1, 0),
@@ -89,9 +89,9 @@ def _angle(beside: Sequence[Turning]) -> Angle | None:
                 turn = Rotation.identity()
                 for part in Rotation.from_rotvec(rates * (at[1] - at[0])):
                     turn = turn * part
-                return float(turn.magnitude())
-        return np.nan
-    return angle if live else None
+                return np.asarray(turn.as_quat())
+        return np.full(4, np.nan)
+    return turned if live else None
 
 
 def _agreement(

@@ -30,6 +30,8 @@ LOWEST = 0.1    # m above the floor, at which the vehicle flies
 FASTEST = 15.0  # m/s^2; more is a jump
 STEEPEST = 0.3  # cosine of the largest tilt that counts
 ON_SIDE = 0.8   # s, steeper than that; without lift a vehicle falls 3.1 m; a flip is shorter
+MOSTLY = 0.5    # share of the time in the air on its side, that is told
+THROUGHOUT = 0.9  # the same where no take-off is seen: a vehicle that tips over lies on the floor
 HELD = 1.0      # s, that a pose counts for at most: until the next one at 1 Hz, too
 LEAST = 0.4     # m/s^2, RMS of g times the tilt
 LEAST_ROWS = 250  # 5 s of flight
@@ -150,7 +152,7 @@ def describe(one: Motion) -> str:
         Tracked poses of a flight, z up.
 
     """
-    if (steep := _on_side(one)) > 0.5:
+    if (steep := _on_side(one)) > (MOSTLY if np.isfinite(_lowest(one)) else THROUGHOUT):
         return (f'its attitude is on its side or upside down in {100.0 * steep:.0f} % of the '
                 'flight: check its axes and the order of the quaternion (x y z w)')
     signals = _signals(one)

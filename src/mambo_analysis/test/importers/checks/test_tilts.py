@@ -193,3 +193,17 @@ def test_gaps_and_the_floor_do_not_count():
     assert 'do not follow' in tilts.describe(rolled)
     rolled.position[rolls, 2] = 0.0
     assert tilts.describe(rolled) == ''
+
+
+def test_a_vehicle_that_tips_over_in_its_take_off_is_not_on_its_side_in_flight():
+    """2 s upright, a hop of 10 cm onto its back, and 3 s on the floor."""
+    t = np.arange(0.0, 5.4, 0.01)
+    turned = np.clip((t - 2.0) / 0.4, 0.0, 1.0)
+    q = Rotation.from_euler('x', np.pi * turned[:, None]).as_quat()
+    hop = 0.03 + 0.1 * np.clip(1.0 - ((t - 2.2) / 0.2)**2, 0.0, None)
+    place = np.stack([0.3 * turned, 0.0 * t, hop], 1)
+    one = dataclasses.replace(
+        flight(), stamps=(1e9 * t).astype(np.int64), position=place, quaternion=q)
+    assert tilts.describe(one) == ''
+    over = dataclasses.replace(one, quaternion=np.tile(q[-1], (len(t), 1)))
+    assert 'upside down in 100 %' in tilts.describe(over)
