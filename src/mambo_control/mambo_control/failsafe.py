@@ -573,8 +573,8 @@ def step(
     complete = have.attitude and have.vertical and have.horizontal
     estimate_lost = 0.0 if complete else memory.estimate_lost + dt
     watch, old_attitude, old = _watched(memory.watch, state, spread, ref.rho, aloft, dt)
-    if (memory.stage <= HOLDING and old > hold and watch.rests >= watch.still > 0.0
-            and -state.rho[2] < LIFTED):
+    if (memory.stage <= HOLDING and old > hold and watch.rests > hold
+            and -state.rho[2] < LIFTED and ref.rho[2] < state.rho[2]):
         return _stop(memory, REASON_GROUNDED)
     if old > 0.0 or memory.stage == DESCENDING_BLIND and watch.new <= hold:
         have, complete = Known(have.attitude and old_attitude == 0.0, False, False), False

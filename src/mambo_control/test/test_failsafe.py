@@ -168,6 +168,18 @@ def test_of_an_estimate_at_rest_below_its_reference_only_one_that_lives_is_on_th
             assert command.reason == safety.REASON_ESTIMATE
 
 
+@pytest.mark.parametrize('climbs, reason', [
+    (1.0, safety.REASON_GROUNDED), (-1.0, safety.REASON_ESTIMATE)])
+def test_an_attitude_may_settle_after_the_position_and_the_reference_must_climb(climbs, reason):
+    one = Controller()
+    for k in range(90):
+        command = one.answer(
+            State(ZERO, ZERO, from_euler(1e-6 * min(k, 20), 0.0, 0.0), (0.02, 1e-5 * k, 0.0)),
+            reference((0.0, 0.0, -0.004 * climbs * k)), phase=TAKEOFF,
+            spread=Spread(1e-5, 1e-5, 1e-6, 1e-5, 1e-6 * (1 + k)))
+    assert command.reason == reason
+
+
 @pytest.mark.parametrize('law', LAWS)
 def test_an_estimate_that_is_missing_or_unsure_on_the_floor_is_lost_and_not_grounded(law):
     for state, spread, reason in (

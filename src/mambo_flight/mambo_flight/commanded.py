@@ -107,8 +107,8 @@ def scenario_of(bag: Path) -> Scenario:
     if separation.is_folder(bag):
         first = min(file.parent for file in bag.glob('*/metadata.yaml'))
         raise InputError(
-            f'{bag}: holds the bags of several drones, and one is flown again at a time, alone: '
-            f'name its bag, such as {first}')
+            f'{bag}: a folder of bags, and one is flown again at a time, of several drones each '
+            f'alone: name a bag, such as {first}')
     found = read_bag(bag, recorded_changes.RECORD)
     text = found.attachments.get('scenario.yaml')
     if text is None:

@@ -24,6 +24,7 @@ FACTOR = 1.25  # of the height by the range: five real flights 0.987 to 1.011, f
 WITHIN = 1.2  # [-] times the shortest range, which a range repeats on the floor
 LEAST_SHARE = 1.0  # % of the readings, below the least one that counts: single ones may be damaged
 NEAR = 1.1    # [-] times that: the readings whose median is the repeated one, with 5 mm of noise
+FEW = 10      # readings at the largest range, at least, that stand there
 EXACT = 0.01  # [-] of a repeated range, that its copies may differ: a step of 4 mm of 0.434 m
 STANDS = 4.0  # [-] times the change of height that the scatter explains; 1 of one that follows
 GAP = 0.1     # s, over which poses are connected
@@ -137,6 +138,29 @@ def changes(
     sizes = [float(np.sqrt(np.mean(x * x))) if len(x) else 0.0 for x in (a, b)]
     r = float(np.mean(a * b)) / max(sizes[0] * sizes[1], 1e-12) if len(a) else 0.0
     return r, sizes[0], sizes[1]
+
+
+def unclamped(t: Floats, ranges: Floats, times: Floats, tracked: Floats) -> Floats:
+    """
+    Return ranges, (n,) m, with NaN where they stand at their least or largest value.
+
+    A sonar repeats its shortest range near the floor, and its longest out of reach, while the
+    tracked height changes. Parameters as of :func:`changes`.
+    """
+    known = np.isfinite(tracked)
+    if known.sum() < 2:
+        return ranges
+    height = interpolate(t, times[known], tracked[known, None], GAP)[:, 0]
+    there = np.isfinite(ranges) & np.isfinite(height)
+    out = np.where(there, ranges, np.nan)
+    if there.sum() < LEAST_ROWS:
+        return out
+    if found := repeated(ranges[there], height[there]):
+        out[out <= WITHIN * found[0]] = np.nan
+    stands = out >= (1.0 - EXACT) * np.nanmax(out) if np.isfinite(out).any() else ~there
+    if stands.sum() >= FEW and np.ptp(height[stands]) > LEAST_CHANGE + np.ptp(out[stands]):
+        out[stands] = np.nan
+    return out
 
 
 def not_followed(

@@ -221,3 +221,22 @@ def test_a_capture_that_is_lost_for_a_while_is_compared_where_it_is():
     seen[(FRAMES > 6.0) & (FRAMES < 9.0)] = np.nan
     assert height_check.not_followed(T, ranges(), FRAMES, seen, NAMES) == ''
     assert height_check.not_followed(T, ranges(late=3.0), FRAMES, seen, NAMES)
+
+
+@pytest.mark.parametrize('top', [0.6, 0.8, 1.2])
+def test_a_range_that_stands_near_the_floor_or_out_of_reach_does_not_contradict(top):
+    height, noise = climbing(T, size=top), 0.003 * np.random.default_rng(3).standard_normal(len(T))
+    for measured in (np.maximum(height, 0.434) + noise, np.minimum(height + noise, 0.6 * top),
+                     np.where(height > 0.6 * top, 32.7, height + noise)):
+        clear = height_check.unclamped(T, measured, FRAMES, climbing(FRAMES, size=top))
+        assert height_check.not_followed(
+            T, clear, FRAMES, climbing(FRAMES, size=top), NAMES) == ''
+        other = height_check.unclamped(T, ranges(late=3.0), FRAMES, climbing(FRAMES))
+        assert height_check.not_followed(T, other, FRAMES, climbing(FRAMES), NAMES)
+
+
+def test_a_range_that_follows_is_not_cut():
+    assert np.isfinite(height_check.unclamped(T, ranges(), FRAMES, climbing(FRAMES))).all()
+    level = np.full(len(T), 1.0)
+    kept = height_check.unclamped(T, level, FRAMES, np.full(len(FRAMES), 1.0))
+    assert np.isfinite(kept).all()

@@ -57,8 +57,14 @@ def _too_low(bag: Bag, state: Bag) -> NDArray[np.bool_]:
     if topics.SONAR.name not in bag or not len(bag[topics.SONAR.name]):
         return np.zeros(len(inner.stamp), bool)
     least = float(np.min(bag[topics.SONAR.name].min_range))
-    x, y = state[topics.ESTIMATE.name].orientation[:, :2].T
-    return inner['height'] < least * (1.0 - 2.0 * (x * x + y * y))
+    stamps, first = np.unique(state[topics.ESTIMATE.name].stamp, return_index=True)
+    x, y = state[topics.ESTIMATE.name].orientation[first, :2].T
+    at = np.searchsorted(stamps, inner.stamp)
+    known = np.isin(inner.stamp, stamps)
+    low = np.zeros(len(known), bool)
+    cosine = 1.0 - 2.0 * (x * x + y * y)[at[known]]
+    low[known] = inner['height'][known] < least * cosine
+    return low
 
 
 def _sensors(bag: Bag, state: Bag) -> list[str]:

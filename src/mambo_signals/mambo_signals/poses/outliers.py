@@ -112,6 +112,9 @@ def impossible(times: Floats, position: Floats, orientation: Floats) -> Bools:
     """
     Return which poses are impossible: those with another assignment than most.
 
+    Jumps over gaps do not count. An import judges them with the other sensors, and a maneuver that
+    a gyro has shown there must not be taken for a jump later.
+
     Parameters
     ----------
     times, position, orientation
@@ -122,11 +125,12 @@ def impossible(times: Floats, position: Floats, orientation: Floats) -> Bools:
     (n,) mask; all False for a recording without jumps.
 
     """
-    return sort(times, position, orientation).wrong
+    return sort(times, position, orientation, by_speeds=False).wrong
 
 
 def sort(
     times: Floats, position: Floats, orientation: Floats, turned: Turned | None = None,
+    by_speeds: bool = True,
 ) -> Sorted:
     """
     Return the poses sorted by the assignment of their markers; that of most counts as correct.
@@ -139,6 +143,8 @@ def sort(
         Unit quaternions x y z w, body to inertial, finite.
     turned
         How the body turns between two times by another sensor.
+    by_speeds
+        Whether the speeds beside a gap may show a jump.
 
     """
     turns = Rotation.from_quat(orientation)
@@ -146,7 +152,7 @@ def sort(
     labels = np.where(seen, 0, -1)
     if seen.sum() < 3:
         return Sorted(labels, np.array([[0.0, 0.0, 0.0, 1.0]]), 0)
-    jumps, doubtful = _all_jumps(times[seen], position[seen], turns[seen], turned)
+    jumps, doubtful = _all_jumps(times[seen], position[seen], turns[seen], turned, by_speeds)
     chosen, rough = _assignments(jumps)
     counts = jumps.sure | assignment_returns(chosen)
     if not counts.all():
@@ -185,13 +191,13 @@ class Jumps(NamedTuple):
 
 
 def _all_jumps(
-    times: Floats, position: Floats, turns: Rotation, turned: Turned | None,
+    times: Floats, position: Floats, turns: Rotation, turned: Turned | None, by_speeds: bool,
 ) -> tuple[Jumps, Ints]:
     """Return the jumps of n poses, and the poses behind a gap that may be one."""
     gaps = gap_jumps.steps(times, position, turns, turned)
     faster = np.zeros(len(times) - 1, bool)
     faster[_jumps(times, position, turns) - 1] = True
-    before = np.flatnonzero(faster | gaps.sure | gaps.suspected)
+    before = np.flatnonzero(faster | gaps.sure | gaps.suspected & by_speeds)
     plain, dt = faster[before, None], np.diff(times)[before]
     over = np.column_stack([np.full(len(dt), gap_jumps.SAME_TURN), gap_jumps.largest_shift(dt)])
     step = (turns[before].inv() * turns[before + 1]).as_quat().reshape(-1, 4)

@@ -13,10 +13,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from mambo_signals.derivative import body_rates
-from mambo_signals.gyro_check import compare, OTHER, TURNING, WINDOW
-from mambo_signals.poses.gap_jumps import Turned
+from mambo_signals.gyro_check import compare, OTHER, WINDOW
+from mambo_signals.poses.gap_jumps import between, Turned
 from mambo_signals.poses.outliers import SAME_TURN, sort, Sorted
-from mambo_signals.resample import Bools, Floats, interpolate, Ints, runs
+from mambo_signals.resample import Bools, Floats, gaps, interpolate, Ints, runs
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -24,6 +24,9 @@ SHARE = 0.1  # of the poses that a group has at least; single errors are fewer
 TOLD = 3     # gaps that are named
 LONG = 2.0   # s of rejected poses on end that are told with their times
 STEP = 0.005  # s, of the integral of a gyro
+SPAN, SPANS = 0.5, 60  # s over which its turns are compared with those of the poses; how many
+TURNS = 0.1  # rad in that time that show more than noise
+LEAST, AGREES = 5, 0.7  # of such turns, and the share that must agree within half of their size
 LATE = 0.1   # s between a sensor and the attitude; more is told as another clock
 
 
@@ -54,9 +57,9 @@ def sort_poses(
         Sensors on the same clock, the most trusted first.
 
     """
-    found = sort(times, position, orientation, _turned(beside))
-    groups = _groups(found) if beside else []
     turns = Rotation.from_quat(orientation)
+    found = sort(times, position, orientation, _turned(times, turns, beside))
+    groups = _groups(found) if beside else []
     for one in beside:
         best, right, decided = 0.0, found.right, False
         for group in groups:
@@ -74,24 +77,54 @@ def sort_poses(
     return found
 
 
-def _turned(beside: Sequence[Turning]) -> Turned | None:
-    """Return the turn between two times by the first sensor that knows it; None without one."""
-    live = [one for one in beside if len(one.times) and one.rates.std(axis=0).max() > TURNING]
+def _turn(one: Turning, begin: float, end: float) -> Floats:
+    """Return the turn between two times by a sensor, a quaternion x y z w; NaN: not known."""
+    at = np.linspace(begin, end, 2 + int((end - begin) / STEP))
+    near = slice(max(np.searchsorted(one.times, begin) - 1, 0),
+                 np.searchsorted(one.times, end) + 1)
+    rates = interpolate(0.5 * (at[1:] + at[:-1]), one.times[near], one.rates[near], LATE)
+    if not np.isfinite(rates).all():
+        return np.full(4, np.nan)
+    turn = Rotation.identity()
+    for part in Rotation.from_rotvec(rates * (at[1] - at[0])):
+        turn = turn * part
+    return np.asarray(turn.as_quat())
+
+
+def _is_trusted(times: Floats, turns: Rotation, one: Turning) -> bool:
+    """
+    Return whether a sensor turns as the poses do where these have no gap.
+
+    The turns over ``SPAN`` are compared up to the heading of the body, so poses that are flipped
+    about its z axis count as the others. A sensor of other axes, in another unit or on another
+    clock is told later; it must not decide here.
+    """
+    first = np.unique(np.searchsorted(times, np.linspace(times[0], times[-1], SPANS + 1)[:-1]))
+    last = np.minimum(np.searchsorted(times, times[first] + SPAN), len(times) - 1)
+    crossed = np.concatenate([[0], np.cumsum(gaps(times))])
+    agree = []
+    for i, j in zip(first, last, strict=True):
+        if i < j and crossed[i] == crossed[j]:
+            seen = (turns[i].inv() * turns[j]).as_quat()
+            shown = _turn(one, float(times[i]), float(times[j]))
+            size = max((Rotation.from_quat(q).magnitude() for q in (seen, shown)
+                        if np.isfinite(q).all()), default=0.0)
+            if size > TURNS and np.isfinite(shown).all():
+                agree.append(between(seen, shown) < 0.5 * size)
+    return len(agree) >= LEAST and float(np.mean(agree)) >= AGREES
+
+
+def _turned(times: Floats, turns: Rotation, beside: Sequence[Turning]) -> Turned | None:
+    """Return the turn between two times by the first trusted sensor that knows it."""
+    if len(times) < LEAST or not gaps(times).any():
+        return None
+    trusted = [one for one in beside if len(one.times) and _is_trusted(times, turns, one)]
 
     def turned(begin: float, end: float) -> Floats:
         """Return the turn, a quaternion x y z w; NaN: not known."""
-        at = np.linspace(begin, end, 2 + int((end - begin) / STEP))
-        for one in live:
-            near = slice(max(np.searchsorted(one.times, begin) - 1, 0),
-                         np.searchsorted(one.times, end) + 1)
-            rates = interpolate(0.5 * (at[1:] + at[:-1]), one.times[near], one.rates[near], LATE)
-            if np.isfinite(rates).all():
-                turn = Rotation.identity()
-                for part in Rotation.from_rotvec(rates * (at[1] - at[0])):
-                    turn = turn * part
-                return np.asarray(turn.as_quat())
-        return np.full(4, np.nan)
-    return turned if live else None
+        known = (_turn(one, begin, end) for one in trusted)
+        return next((turn for turn in known if np.isfinite(turn).all()), np.full(4, np.nan))
+    return turned if trusted else None
 
 
 def _agreement(

@@ -65,7 +65,8 @@ def check(
             f'{turning.correlation:.2f}, with their noise {turning.possible:.2f} is possible)',
             tuple(doubts))
     height = tracked.t, tracked.position[:, 2]
-    said = ranges and height_check.not_followed(*ranges, *height, ('the range', tracked.name))
+    said = ranges and height_check.not_followed(
+        ranges[0], height_check.unclamped(*ranges, *height), *height, ('the range', tracked.name))
     if said and turning and turning.confirmed:
         return Verdict('', (f'{said}, though the gyro turns alike', *doubts))
     return Verdict(said or '', tuple(doubts))

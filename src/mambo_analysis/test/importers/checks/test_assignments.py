@@ -116,7 +116,7 @@ def test_a_sensor_tells_a_flip_behind_a_gap(gap, end):
 
 def test_a_maneuver_in_a_gap_that_a_sensor_shows_is_none():
     yaw = 0.5 * np.pi * (1.0 + np.tanh(8.0 * (T - 5.3)))  # half a turn in half a second
-    turned = Rotation.from_euler('z', yaw[:, None])
+    turned = Rotation.from_euler('z', yaw[:, None]) * ATTITUDE
     there = (T < 5.05) | (T >= 5.55)
     poses = T[there], PATH[there], turned[there].as_quat()
     t, rates = body_rates(T, turned.as_quat())
@@ -126,3 +126,16 @@ def test_a_maneuver_in_a_gap_that_a_sensor_shows_is_none():
     for k in (0, 1):  # one that ends before the gap, and one that begins after it, know nothing
         half = (t < 5.2) if k else (t > 5.4)
         assert len(sort_poses(*poses, [Turning('the gyro', t[half], rates[half])]).doubtful) == 1
+
+
+@pytest.mark.parametrize('wrong', ['sign', 'unit', 'axes', 'late', 'noise'])
+def test_a_sensor_that_turns_otherwise_tells_no_flip(wrong):
+    """The vehicle yaws by 60 deg/s, also in the gap; without a sensor nothing is left out."""
+    turned = Rotation.from_euler('z', 1.0 * T[:, None]) * ATTITUDE
+    there = (T < 5.0) | (T >= 5.9)
+    poses = T[there], PATH[there], turned[there].as_quat()
+    t, rates = body_rates(T, turned.as_quat())
+    rates = {'sign': rates * [1, 1, -1], 'unit': np.degrees(rates), 'axes': rates[:, [2, 0, 1]],
+             'late': rates, 'noise': np.random.default_rng(2).normal(size=rates.shape)}[wrong]
+    found = sort_poses(*poses, [Turning('the gyro', t + 2.0 * (wrong == 'late'), rates)])
+    assert not found.wrong.any() and not len(found.doubtful)
