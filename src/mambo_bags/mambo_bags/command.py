@@ -49,11 +49,12 @@ class _Output:
     Standard output whose errors can be distinguished from those of a file.
 
     What a reader that has gone, such as ``head``, no longer takes is discarded: the files of a
-    command are written all the same.
+    command are written all the same. ``lost`` tells that.
     """
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
+        self.lost = False
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
@@ -63,7 +64,7 @@ class _Output:
         try:
             return self._stream.write(self._encodable(visible(text)))
         except BrokenPipeError:
-            _discard(self._stream)
+            self._discard()
             return len(text)
         except OSError as error:
             raise _OutputError(error) from None
@@ -78,9 +79,13 @@ class _Output:
         try:
             self._stream.flush()
         except BrokenPipeError:
-            _discard(self._stream)
+            self._discard()
         except OSError as error:
             raise _OutputError(error) from None
+
+    def _discard(self) -> None:
+        self.lost = True
+        _discard(self._stream)
 
 
 _program: str | None = None
@@ -386,13 +391,13 @@ def guard(name: str, work: Callable[[], None]) -> int:
     The code is that of a :class:`mambo_model.errors.MamboError`, 2 for a path that is missing, not
     permitted or of the wrong kind, and 1 for other disk errors, exhausted memory, and an output
     that is closed or full. If its reader goes before the end, as of a pipe, the work is done all
-    the same, and the code is that of the work.
+    the same, and the code is 1 without a line.
     """
     name = program(name)
     if sys.stdout is None:
         return _complain(name, 'the output is closed: redirect it to /dev/null to discard it')
     plain = sys.stdout
-    sys.stdout = _Output(plain)
+    sys.stdout = output = _Output(plain)
     try:
         with np.errstate(all='ignore'), warnings.catch_warnings():  # absurd numbers: inf or nan
             warnings.filterwarnings('ignore', r'Glyph \d+ .* missing')  # a box is drawn instead
@@ -426,7 +431,7 @@ def guard(name: str, work: Callable[[], None]) -> int:
         sys.stdout = plain
         if not isinstance(sys.exc_info()[1], SystemExit):  # which no code of ours raises in a job
             supervisor.ended()
-    return 0
+    return int(output.lost)
 
 
 def _unreadable(error: UnicodeEncodeError) -> str:

@@ -48,7 +48,7 @@ def test_an_output_that_takes_nothing_is_one_line(work, where, message):
 def test_a_reader_that_goes_is_no_word_worth_and_the_work_is_done(tmp_path):
     written = f"{MANY}\n    open({str(tmp_path / 'page')!r}, 'w').write('whole')"
     done = run(written, '"$@" | head -n 1')
-    assert (done.returncode, done.stdout, done.stderr) == (0, '0\n', '')
+    assert (done.returncode, done.stdout, done.stderr) == (1, '0\n', '')
     assert (tmp_path / 'page').read_text() == 'whole'
     done = run(f'{MANY}\n    raise JobError("in vain")', '"$@" | head -n 1')
     assert (done.returncode, done.stdout, done.stderr) == (1, '0\n', 'tool: in vain\n')
