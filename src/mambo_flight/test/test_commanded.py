@@ -84,7 +84,7 @@ def test_a_drone_of_a_hall_is_flown_again_alone(flown, bag, tmp_path):
     line, = commanded.alone(two)
     assert line.startswith(f'{two}: /mambo2 shared its hall with other drones; they are absent')
     assert list(commanded.alone(bag)) == list(commanded.beyond(two, again)) == []
-    with pytest.raises(InputError, match=f'bags of several drones.* such as {tmp_path}/mambo1'):
+    with pytest.raises(InputError, match=f'a folder of bags.* such as {tmp_path}/mambo1'):
         commanded.scenario_of(tmp_path)
 
 
