@@ -108,13 +108,11 @@ def together(t: Floats, gyro: Floats, times: Floats, q: Floats) -> Together | No
     Parameters as of :func:`compare`.
     """
     t, gyro, times, q = _usable(t, gyro, times, q)
-    at, rates = body_rates(times, q, window=WINDOW)
-    if len(t) < 2 or not len(at):
+    if (both := _smooth_rates(t, gyro, times, q)) is None:
         return None
-    smooth = _smooth(t, gyro, t)
-    kept = np.isfinite(smooth).all(axis=1)
+    at, rates = both[:2]
     found = [pair for late in np.arange(-NEAR, NEAR + 0.5 * NEAR_STEP, NEAR_STEP)
-             if (pair := _overlap(float(late), at, rates, t[kept], smooth[kept])) is not None]
+             if (pair := _overlap(float(late), *both)) is not None]
     if not found:
         return None
     x, y = max(found, key=lambda pair: _alike(*pair))
@@ -160,14 +158,10 @@ def compare(t: Floats, gyro: Floats, times: Floats, q: Floats,
         Largest lateness that is tried.
 
     """
-    t, gyro, times, q = _usable(t, gyro, times, q)
-    at, rates = body_rates(times, q, window=WINDOW)
-    if len(t) < 2 or not len(at):
+    if (both := _smooth_rates(*_usable(t, gyro, times, q))) is None:
         return None
-    smooth = _smooth(t, gyro, t)
-    kept = np.isfinite(smooth).all(axis=1)
     found = [one for late in STEP * np.arange(-round(search / STEP), round(search / STEP) + 1)
-             if (one := _beside(float(late), at, rates, t[kept], smooth[kept]))]
+             if (one := _beside(float(late), *both))]
     if not found:
         return None
     best = max(found, key=lambda one: float(one.tracked @ one.correlation))
@@ -186,6 +180,18 @@ def _usable(
     known = np.isfinite(gyro).all(axis=1)
     good = np.isfinite(q).all(axis=1) & (np.abs((q * q).sum(axis=1) - 1.0) < 0.1)
     return t[known], gyro[known], times[good], q[good]
+
+
+def _smooth_rates(
+    t: Floats, gyro: Floats, times: Floats, q: Floats,
+) -> tuple[Floats, Floats, Floats, Floats] | None:
+    """Return times and rates of an attitude and a gyro, smoothed alike; None: there are none."""
+    at, rates = body_rates(times, q, window=WINDOW)
+    if len(t) < 2 or not len(at):
+        return None
+    smooth = _smooth(t, gyro, t)
+    kept = np.isfinite(smooth).all(axis=1)
+    return at, rates, t[kept], smooth[kept]
 
 
 def _smooth(t: Floats, gyro: Floats, at: Floats) -> Floats:

@@ -148,13 +148,8 @@ def find_clock(bag: Bag, poses: Poses) -> Clock:
     except AlignError as error:
         raise AlignError(f'{error}; or give --offset SECONDS') from None
     turning = None
-    if 'imu/data_raw' in bag:
-        gyro = bag['imu/data_raw']
-        begin, end = same_flight.motors_run(bag)
-        there = (gyro.t >= begin) & (gyro.t <= end)
-        turning = gyro_check.compare(
-            gyro.t[there], gyro.angular_velocity[there], poses.t + offset.offset,
-            poses.orientation)
+    if gyro := same_flight.gyro_of(bag):
+        turning = gyro_check.compare(*gyro, poses.t + offset.offset, poses.orientation)
         gyro_check.refuse(turning)
     return Clock(offset.offset, sigma, f'{best} of {", ".join(found)}',
                  tuple(f'{name}: {reason}' for name, reason in reasons.items()),

@@ -14,7 +14,8 @@ from typing import NamedTuple
 
 from mambo_signals.derivative import body_rates
 from mambo_signals.gyro_check import compare, OTHER, WINDOW
-from mambo_signals.poses.gap_jumps import between, Turned
+from mambo_signals.poses import gap_jumps
+from mambo_signals.poses.gap_jumps import Turned
 from mambo_signals.poses.outliers import SAME_TURN, sort, Sorted
 from mambo_signals.resample import Bools, Floats, gaps, interpolate, Ints, runs
 import numpy as np
@@ -110,7 +111,7 @@ def _is_trusted(times: Floats, turns: Rotation, one: Turning) -> bool:
             size = max((Rotation.from_quat(q).magnitude() for q in (seen, shown)
                         if np.isfinite(q).all()), default=0.0)
             if size > TURNS and np.isfinite(shown).all():
-                agree.append(between(seen, shown) < 0.5 * size)
+                agree.append(gap_jumps.between(seen, shown) < 0.5 * size)
     return len(agree) >= LEAST and float(np.mean(agree)) >= AGREES
 
 

@@ -86,13 +86,17 @@ def of_bag(bag: Bag, tracked: Motion, own: Collection[str] = ()) -> Verdict:
         Topics with the motion that the drone estimates; those that it lacks do not count.
 
     """
-    gyro = None
-    if 'imu/data_raw' in bag:
-        imu, (begin, end) = bag['imu/data_raw'], motors_run(bag)
-        there = (imu.t >= begin) & (imu.t <= end)
-        gyro = imu.t[there], imu.angular_velocity[there]
-    return check(tracked, gyro, unclipped_ranges(bag) if 'sonar/range' in bag else None,
+    return check(tracked, gyro_of(bag), unclipped_ranges(bag) if 'sonar/range' in bag else None,
                  [motion.read(bag, topic) for topic in own if topic in bag])
+
+
+def gyro_of(bag: Bag) -> Signal | None:
+    """Return the gyro of a bag while the motors run, (n,) s and (n, 3) rad/s; None without one."""
+    if 'imu/data_raw' not in bag:
+        return None
+    imu, (begin, end) = bag['imu/data_raw'], motors_run(bag)
+    there = (imu.t >= begin) & (imu.t <= end)
+    return imu.t[there], imu.angular_velocity[there]
 
 
 def motors_run(bag: Bag) -> tuple[float, float]:
